@@ -6,7 +6,7 @@
 #include <string>
 
 #include "cli/command_line_parsing.h"
-#include "planning/combined_coverage.h"
+#include "planning/named_rig.h"
 
 namespace raystage::cli {
 

@@ -45,7 +45,7 @@ class PlanCommand : public ::testing::Test {
 TEST_F(PlanCommand, CheckSaysWhatFallsShort) {
   const testing::CommandResult all = check();
   EXPECT_EQ(all.exit_code, 0) << all.output;
-  EXPECT_THAT(all.output, HasSubstr("No camera recorded up to"));
+  EXPECT_THAT(all.output, HasSubstr("of the rays were recorded by no camera"));
   EXPECT_THAT(all.output, HasSubstr("outside of its range of motion at frame 106"));
   EXPECT_EQ(check("--least-coverage 0.99").exit_code, 4);
   EXPECT_EQ(check("--frames 101 --least-coverage 1").exit_code, 0);
@@ -127,7 +127,7 @@ TEST_F(PlanCommand, RenderBeginsWithTheVerdict) {
   const testing::CommandResult result = testing::run_raystage(
       "render " + path("shot.json") + " --progress plain -o " + path("out/f.####.exr"));
   EXPECT_EQ(result.exit_code, 0) << result.output;
-  const auto verdict = result.output.find("no camera recorded up to");
+  const auto verdict = result.output.find("of a frame were recorded by no camera");
   ASSERT_NE(verdict, std::string::npos) << result.output;
   EXPECT_LT(verdict, result.output.find("writing 6 frames"));
 }

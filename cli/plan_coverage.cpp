@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -15,6 +16,7 @@
 #include "cli/printing.h"
 #include "cli/shot_options.h"
 #include "cli/threads.h"
+#include "planning/combined_coverage.h"
 #include "planning/coverage_plan.h"
 #include "planning/coverage_report.h"
 
@@ -27,7 +29,7 @@ struct CoverageCommand {
   planning::CoverageOptions options;
   std::vector<double> shares_percent{100, 99, 90};
   double interaxial_mm = 0, tolerance_mm = 1;
-  std::array<double, 3> subject{};  // no subject is at depth 0
+  std::array<double, 3> subject{NAN, NAN, NAN};
   double subject_size = 0.5;
   int threads = 0;
   bool json = false, transparent_arrays = false;
@@ -43,7 +45,7 @@ ExitCode run_coverage(const CoverageCommand& command, const std::stop_token& sto
   options.interaxial_m = command.interaxial_mm / kMillimetres;
   options.tolerance_m = command.tolerance_mm / kMillimetres;
   const auto [x, y, depth] = command.subject;
-  if (command.subject != std::array<double, 3>{}) {
+  if (!std::isnan(depth)) {
     options.subject = planning::CoverageSubject{x, y, depth, command.subject_size};
   }
   options.arrays_hide_each_other = !command.transparent_arrays;
@@ -123,10 +125,12 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
               "focal plane in front of the array, metres (default: infinity)")
       .limits(1e-3, 1e9);
   command
-      .option("--subject X,Y,DEPTH", options->subject,
-              "adds the range of views that must see a subject only: the middle of a cube, metres "
-              "to the right,\nupwards and in front of the array; of several arrays, the directions "
-              "from which they see its middle")
+      .option(
+          "--subject X,Y,DEPTH", options->subject,
+          "adds the range of views that must see a subject only: the middle of a cube, metres "
+          "to the right,\nupwards and in front of the array. Of several arrays: states the "
+          "directions from which they see it;\nfrom the middle of all cameras, along the axes of "
+          "the first array")
       .comma_separated();
   command
       .option("--subject-size", options->subject_size,

@@ -10,15 +10,14 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <utility>
 
 #include "base/error.h"
-#include "planning/complete_topology.h"
 #include "planning/coverage_views.h"
 #include "rig/planning/combined_arrays.h"
-#include "rig/topology.h"
 
 namespace raystage::planning {
 namespace {
@@ -27,6 +26,9 @@ using Eigen::Vector3d;
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 constexpr double kShareRounding = 1e-9;  // of shares
+constexpr std::size_t kMaxArrays = 64;
+constexpr std::size_t kMaxCorners = 64;  // of an array's outline
+constexpr double kLargestStep = 5;       // between orientations, degrees
 
 /// An array with what the report says of it.
 struct PlannedArray {
@@ -34,42 +36,85 @@ struct PlannedArray {
   CoverageArray description;
 };
 
+/// Returns a polygon of at most kMaxCorners of a convex polygon's corners.
+std::vector<Eigen::Vector2d> inner_outline(std::vector<Eigen::Vector2d> hull) {
+  if (hull.size() <= kMaxCorners) return hull;
+  std::vector<Eigen::Vector2d> kept;
+  for (std::size_t i = 0; i < kMaxCorners; ++i) {
+    kept.push_back(hull[i * hull.size() / kMaxCorners]);
+  }
+  return kept;
+}
+
+/// Returns the convex hull of points or, if that has more than kMaxCorners, a polygon around it.
+std::vector<Eigen::Vector2d> outer_outline(std::vector<Eigen::Vector2d> points) {
+  std::vector<Eigen::Vector2d> hull = rig::convex_hull(std::move(points), 0);
+  if (hull.size() <= kMaxCorners) return hull;
+  // Corners of the lines that touch the hull in equally spaced directions.
+  std::vector<Eigen::Vector2d> corners;
+  const double step = 2 * std::numbers::pi / kMaxCorners;
+  const auto normal = [&](std::size_t i) {
+    const double angle = step * static_cast<double>(i);
+    return Eigen::Vector2d(std::cos(angle), std::sin(angle));
+  };
+  const auto touching = [&](const Eigen::Vector2d& direction) {
+    double farthest = -std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector2d& corner : hull) {
+      farthest = std::max(farthest, direction.dot(corner));
+    }
+    return farthest;
+  };
+  for (std::size_t i = 0; i < kMaxCorners; ++i) {
+    const Eigen::Vector2d a = normal(i), b = normal(i + 1);
+    Eigen::Matrix2d lines;
+    lines << a.transpose(), b.transpose();
+    corners.emplace_back(lines.inverse() * Eigen::Vector2d(touching(a), touching(b)));
+  }
+  return corners;
+}
+
 PlannedArray planned_array(const NamedRig& named) {
   std::string reason;
-  std::optional<rig::WallEyedArray> rays = rig::find_wall_eyed_array(named.rig);
-  const bool is_ideal = rays.has_value();
-  if (!rays) {
-    rays = rig::inscribed_wall_eyed_array(named.rig, complete_topology(named.rig), &reason);
-  }
-  if (!rays || rays->hull.size() < 3) {
-    throw Error::bad_input(rays ? "the cameras are on a line or in one place" : reason, named.name,
+  std::optional<rig::RecordedArray> recorded = rig::recorded_array(named.rig, &reason);
+  if (!recorded || recorded->array.hull.size() < 3) {
+    throw Error::bad_input(recorded ? "the cameras are on a line or in one place" : reason,
+                           named.name,
                            "Give arrays of several rows and columns whose cameras face alike");
   }
+  rig::WallEyedArray& rays = recorded->array;
   std::vector<Eigen::Vector2d> centres;
   for (const rig::Rig::Camera& camera : named.rig.cameras) {
-    centres.emplace_back(rays->pose.camera_from_world(camera.pose.position).head<2>());
+    centres.emplace_back(rays.pose.camera_from_world(camera.pose.position).head<2>());
   }
   PlannedArray array;
   array.description.name = named.name;
   array.description.cameras = static_cast<int>(named.rig.cameras.size());
-  array.description.is_ideal = is_ideal;
-  array.description.size_m = rays->size();
-  const Eigen::Vector2d least = rays->slopes.least, largest = rays->slopes.largest;
+  array.description.is_ideal = recorded->is_ideal;
+  array.description.size_m = rays.size();
+  const Eigen::Vector2d least = rays.slopes.least, largest = rays.slopes.largest;
   for (int axis = 0; axis < 2; ++axis) {
     array.description.fov_deg[axis] =
         (std::atan(largest[axis]) - std::atan(least[axis])) / kRadiansPerDegree;
   }
-  array.member = {std::move(*rays), rig::convex_hull(std::move(centres), 0)};
+  rays.hull = inner_outline(std::move(rays.hull));
+  array.member = {std::move(rays), outer_outline(std::move(centres))};
   return array;
+}
+
+void throw_if_stopped(const std::stop_token& stop, const std::string& name) {
+  if (stop.stop_requested()) {
+    throw Error::failed("the computation was stopped", name, "Start it again");
+  }
 }
 
 class CombinedPlanner {
  public:
   CombinedPlanner(std::span<const NamedRig> rigs, const CoverageOptions& options,
                   const std::stop_token& stop)
-      : options_(options), stop_(stop), rotations_(view_rotations(options)) {
+      : options_(options), stop_(stop) {
     std::vector<rig::MemberArray> members;
     for (const NamedRig& named : rigs) {
+      throw_if_stopped(stop, named.name);
       PlannedArray array = planned_array(named);
       is_ideal_ = is_ideal_ && array.description.is_ideal;
       descriptions_.push_back(std::move(array.description));
@@ -83,6 +128,7 @@ class CombinedPlanner {
     }
     frame_.position = frame_.world_from_camera_rotation * box_.center();
     box_.translate(-box_.center().eval());
+    members_ = members;
     arrays_.emplace(std::move(members), options.arrays_hide_each_other);
   }
 
@@ -90,24 +136,27 @@ class CombinedPlanner {
   std::vector<CoverageArray> descriptions() const { return descriptions_; }
 
   CoverageVolume volume(double fov_deg, double share) const {
+    const Views views = views_of(fov_deg);
     CoverageVolume volume;
     volume.view_fov_deg = fov_deg;
     volume.share = share;
     volume.is_lower_bound = !is_ideal_;
     const auto has_share = [&](const Vector3d& position) {
-      return recorded_share(fov_deg, position, share) >= share - kShareRounding;
+      return !stop_.stop_requested() &&
+             recorded_share(views, position, share) >= share - kShareRounding;
     };
-    const std::optional<Vector3d> centre = find_centre(has_share);
-    if (!centre) {
+    const std::vector<Vector3d> positions = candidates(views);
+    const auto centre = std::ranges::find_if(positions, has_share);
+    if (centre == positions.end()) {
       volume.empty_because = fmt::format(
           "no position was found with {:.4g} % of the rays; in the middle of the cameras {:.1f} % "
           "were recorded",
-          100 * share, 100 * recorded_share(fov_deg, Vector3d::Zero(), 0));
+          100 * share, 100 * recorded_share(views, Vector3d::Zero(), 0));
       return volume;
     }
     constexpr int kMaxVertices = 4000;
     RadialSurface found = radial_surface(has_share, *centre,
-                                         {.reach = reach(),
+                                         {.reach = reach(views),
                                           .tolerance = options_.tolerance_m,
                                           .max_vertices = kMaxVertices,
                                           .stop = stop_});
@@ -115,13 +164,14 @@ class CombinedPlanner {
     for (const Vector3d& vertex : found.surface.vertices) around.extend(vertex);
     if (around.sizes().minCoeff() < options_.tolerance_m) {
       volume.empty_because = fmt::format(
-          "only one position ({:.3f}, {:.3f}, {:.3f}) has {:.4g} % of the rays, none around it",
-          centre->x(), centre->y(), centre->z(), 100 * share);
+          "the range with {:.4g} % of the rays is thinner than the tolerance, around ({:.3f}, "
+          "{:.3f}, {:.3f})",
+          100 * share, centre->x(), centre->y(), centre->z());
       return volume;
     }
     volume.surface = std::move(found.surface);
     volume.error_m = found.error;
-    volume.is_in_parts = std::ranges::any_of(candidates(), [&](const Vector3d& position) {
+    volume.is_in_parts = std::ranges::any_of(positions, [&](const Vector3d& position) {
       return has_share(position) && !is_joined(*centre, position, has_share);
     });
     return volume;
@@ -134,20 +184,33 @@ class CombinedPlanner {
   }
 
  private:
+  /// The views of a volume.
+  struct Views {
+    rig::SlopeRange slopes;
+    std::vector<Eigen::Matrix3d> rotations;  ///< in the frame
+  };
+
+  Views views_of(double fov_deg) const {
+    if (options_.all_directions) return {};
+    const render::VirtualCamera view = coverage_view(fov_deg, options_.aspect);
+    constexpr double kSmallestStep = 0.5;  // bounds the cost of narrow views
+    const double step = std::clamp(fov_deg / 2, kSmallestStep, kLargestStep);
+    return {rig::camera_slopes(view.intrinsics, view.width, view.height),
+            view_rotations(options_, step)};
+  }
+
   /// Returns the least share of all orientations and eyes, or any share below `enough`.
-  double recorded_share(double fov_deg, const Vector3d& position, double enough) const {
+  double recorded_share(const Views& views, const Vector3d& position, double enough) const {
     if (options_.all_directions) {
       return arrays_->recorded_share_of_all(frame_.world_from_camera(position));
     }
-    const render::VirtualCamera view = coverage_view(fov_deg, options_.aspect);
-    const rig::SlopeRange slopes = rig::camera_slopes(view.intrinsics, view.width, view.height);
     double least = 1;
-    for (const Eigen::Matrix3d& rotation : rotations_) {
+    for (const Eigen::Matrix3d& rotation : views.rotations) {
       const Eigen::Matrix3d world_from_view = frame_.world_from_camera_rotation * rotation;
       for (const double side : {-0.5, 0.5}) {
         const Vector3d eye = frame_.world_from_camera(position) +
                              side * options_.interaxial_m * world_from_view.col(0);
-        least = std::min(least, arrays_->recorded_share(eye, {slopes, world_from_view}));
+        least = std::min(least, arrays_->recorded_share(eye, {views.slopes, world_from_view}));
         if (least < enough - kShareRounding || options_.interaxial_m == 0) break;
       }
       if (least < enough - kShareRounding) break;
@@ -155,9 +218,10 @@ class CombinedPlanner {
     return least;
   }
 
-  /// Returns the positions of a grid, from the middle of the cameras outwards. It is larger than
-  /// the arrays: two of them side by side may be shown together behind them only.
-  std::vector<Vector3d> candidates() const {
+  /// Returns positions from the middle of the cameras outwards: of a grid that is larger than the
+  /// arrays, because two of them side by side may be shown together behind them only; and for each
+  /// array its middle, and that of its own range.
+  std::vector<Vector3d> candidates(const Views& views) const {
     constexpr int kSteps = 4;  // to each side
     const double step = box_.sizes().maxCoeff() / kSteps;
     std::vector<Vector3d> positions;
@@ -166,16 +230,21 @@ class CombinedPlanner {
         for (int x = -kSteps; x <= kSteps; ++x) positions.emplace_back(step * Vector3d(x, y, z));
       }
     }
+    for (const rig::MemberArray& member : members_) {
+      positions.push_back(frame_.camera_from_world(member.rays.pose.position));
+      for (const Eigen::Matrix3d& rotation : views.rotations) {
+        const rig::RangeOfMotion range = rig::range_of_motion(
+            member.rays,
+            {views.slopes, frame_.world_from_camera_rotation * rotation, options_.interaxial_m});
+        if (range.positions.is_empty()) continue;
+        Vector3d sum = Vector3d::Zero();
+        for (const Vector3d& vertex : range.positions.vertices()) sum += vertex;
+        sum /= static_cast<double>(range.positions.vertices().size());
+        positions.push_back(frame_.camera_from_world(member.rays.pose.world_from_camera(sum)));
+      }
+    }
     std::ranges::stable_sort(positions, {}, &Vector3d::squaredNorm);
     return positions;
-  }
-
-  template <class IsInside>
-  std::optional<Vector3d> find_centre(const IsInside& is_inside) const {
-    for (const Vector3d& position : candidates()) {
-      if (!stop_.stop_requested() && is_inside(position)) return position;
-    }
-    return std::nullopt;
   }
 
   /// Returns whether the way from one position to another is inside.
@@ -188,13 +257,18 @@ class CombinedPlanner {
     return true;
   }
 
-  /// Returns how far from the middle a view may be.
-  double reach() const { return 4 * box_.diagonal().norm(); }
+  /// Returns how far from the middle a view may be: beyond, its outermost rays do not cross the
+  /// arrays.
+  double reach(const Views& views) const {
+    const Eigen::Vector2d size = views.slopes.largest - views.slopes.least;
+    const double slopes = options_.all_directions ? 1 : size.maxCoeff();
+    return box_.diagonal().norm() * (1.5 + 2 / slopes);
+  }
 
   const CoverageOptions& options_;
   std::stop_token stop_;
-  std::vector<Eigen::Matrix3d> rotations_;  // of the views, in the frame
   std::vector<CoverageArray> descriptions_;
+  std::vector<rig::MemberArray> members_;
   std::optional<rig::CombinedArrays> arrays_;
   rig::Pose frame_;
   Eigen::AlignedBox3d box_;  // of the cameras, in the frame
@@ -208,7 +282,7 @@ void check_options(const std::string& name, const CoverageOptions& options) {
   };
   if (!options.is_valid(&reason)) throw refuse(reason);
   if (std::isfinite(options.focal_depth_m)) {
-    throw refuse("several arrays have no common focal plane");
+    throw refuse("several arrays, and views of all directions, have no common focal plane");
   }
   if (options.all_directions && options.interaxial_m > 0) {
     throw refuse("views of all directions have one eye");
@@ -248,6 +322,11 @@ CoveragePlan plan_combined_coverage(const std::string& name, std::span<const Nam
                                     const std::stop_token& stop) {
   check_options(name, options);
   if (arrays.empty()) throw Error::bad_input("there is no array", name, "Give a rig");
+  if (arrays.size() > kMaxArrays) {
+    throw Error::bad_input(
+        fmt::format("there are {} arrays, allowed: {} at most", arrays.size(), kMaxArrays), name,
+        "Give fewer rigs, or cameras that face alike");
+  }
   const CombinedPlanner planner(arrays, options, stop);
   CoveragePlan plan;
   plan.name = name;
@@ -265,9 +344,7 @@ CoveragePlan plan_combined_coverage(const std::string& name, std::span<const Nam
   for (const double fov : fovs) {
     for (const double share : options.shares) {
       plan.volumes.push_back(planner.volume(fov, share));
-      if (stop.stop_requested()) {
-        throw Error::failed("the computation was stopped", name, "Start it again");
-      }
+      throw_if_stopped(stop, name);
       if (progress) {
         progress(static_cast<double>(plan.volumes.size()) /
                  static_cast<double>(fovs.size() * options.shares.size()));

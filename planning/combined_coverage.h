@@ -8,15 +8,9 @@
 #include <vector>
 
 #include "planning/coverage_plan.h"
-#include "rig/rig.h"
+#include "planning/named_rig.h"
 
 namespace raystage::planning {
-
-/// A rig in the world that it shares with others.
-struct NamedRig {
-  std::string name;
-  rig::Rig rig;
-};
 
 /// Returns the rigs of the cameras that face alike: those of one side of a box each. A rig whose
 /// cameras are all turned by less than 80 degrees from their mean direction is one array.
@@ -25,9 +19,12 @@ std::vector<NamedRig> split_by_direction(const NamedRig& rig);
 /// Computes the positions from which the arrays together recorded the views (thesis 6.2): each ray
 /// counts if an array recorded it that is not hidden by another one. Arrays that are not ideal
 /// count with the rays of an ideal array inside of them. The frame of the plan is in the middle of
-/// all cameras, with the axes of the first array. Throws Error (bad input) for invalid options, and
-/// for arrays whose cameras are on a line or see no directions in common; Error (failed) if
-/// stopped. `progress`: called with the share of the ranges that are done.
+/// all cameras, with the axes of the first array. Views that turn are tried at steps of at most 5
+/// degrees and half of their field of view. The range is measured around the position nearest to
+/// the middle that is found: of a grid that is twice as large as the arrays, and in the range of
+/// each array. Throws Error (bad input) for invalid options, more than 64 arrays, and arrays whose
+/// cameras are on a line or see no directions in common; Error (failed) if stopped. `progress`:
+/// called with the share of the ranges that are done.
 CoveragePlan plan_combined_coverage(const std::string& name, std::span<const NamedRig> arrays,
                                     const CoverageOptions& options,
                                     const std::function<void(double)>& progress = {},

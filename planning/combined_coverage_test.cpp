@@ -108,10 +108,12 @@ TEST(CombinedCoverage, OfTheExtendedBox) {
 
 TEST(CombinedCoverage, OfTheSimpleCubeIsItsCentre) {
   const CoveragePlan plan = plan_combined_coverage("cube", box(0.4, 0.4, 90), all_around(true));
-  EXPECT_THAT(plan.volumes[0].empty_because, HasSubstr("only one position (0.000, "));
+  EXPECT_THAT(plan.volumes[0].empty_because,
+              HasSubstr("thinner than the tolerance, around (0.000, "));
   // A wider field of view gives room.
   const CoveragePlan wide = plan_combined_coverage("cube", box(0.4, 0.4, 110), all_around(true));
   const double slope = std::tan(55 * kDegree), limit = (slope - 1) * 0.2;
+  ASSERT_FALSE(wide.volumes[0].surface.vertices.empty());
   for (const Vector3d& vertex : wide.volumes[0].surface.vertices) {
     Vector3d a = vertex.cwiseAbs();
     std::ranges::sort(a, std::greater<>());
@@ -172,6 +174,59 @@ TEST(CombinedCoverage, StatesThatPartsAreApart) {
   plan = plan_combined_coverage("no gap", arrays, options);
   EXPECT_FALSE(plan.volumes[0].is_in_parts);
   EXPECT_NEAR(plan.volumes[0].extent().x(), 0.8, 8e-3);
+}
+
+// Orientations between the ends of the yaw count, arrays far apart are found, and narrow views are
+// far from their array.
+TEST(CombinedCoverage, TriesOrientationsAndReachesFar) {
+  std::vector<NamedRig> fan;
+  for (const double yaw : {-75.0, 0.0, 75.0}) {
+    fan.push_back(side(Eigen::AngleAxisd(yaw * kDegree, Vector3d::UnitY()).matrix(), 0.1, 0.4, 60));
+  }
+  CoverageOptions options;
+  options.view_fov_deg = {20};
+  options.shares = {1};
+  options.tolerance_m = 0.01;
+  EXPECT_FALSE(plan_combined_coverage("fan", fan, options).volumes[0].surface.vertices.empty());
+  options.max_yaw_deg = 75;
+  EXPECT_TRUE(plan_combined_coverage("fan", fan, options).volumes[0].surface.vertices.empty())
+      << "between the arrays, views look where no camera looks";
+
+  std::vector<NamedRig> apart(2, side(Eigen::Matrix3d::Identity(), 0, 0.4, 60));
+  for (rig::Rig::Camera& camera : apart[1].rig.cameras) camera.pose.position.x() += 10;
+  options.max_yaw_deg = 0;
+  const CoverageVolume found = plan_combined_coverage("apart", apart, options).volumes[0];
+  EXPECT_NEAR(found.extent().x(), 0.4, 0.03);
+  EXPECT_TRUE(found.is_in_parts);
+
+  options.view_fov_deg = {4};
+  const std::vector<NamedRig> twice(2, side(Eigen::Matrix3d::Identity(), 0, 0.4, 60));
+  const CoverageVolume narrow = plan_combined_coverage("twice", twice, options).volumes[0];
+  const CoverageVolume exact = plan_coverage("one", twice[0].rig, options).volumes[0];
+  EXPECT_NEAR(narrow.extent().z(), exact.extent().z(), 0.05 * exact.extent().z());
+}
+
+TEST(CombinedCoverage, ManyArraysAndRoundOnesAreBounded) {
+  const std::vector<NamedRig> many(65, side(Eigen::Matrix3d::Identity(), 0, 0.4, 60));
+  EXPECT_THROW(plan_combined_coverage("many", many, {}), Error);
+  // 500 cameras in a circle: outlines have 64 corners at most, and the range is hardly smaller.
+  NamedRig ring = side(Eigen::Matrix3d::Identity(), 0, 0.4, 60);
+  const rig::Rig::Camera camera = ring.rig.cameras[0];
+  ring.rig.cameras.clear();
+  constexpr int kCameras = 500;
+  for (int i = 0; i < kCameras; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kCameras;
+    ring.rig.cameras.push_back(camera);
+    ring.rig.cameras.back().pose.position = {0.2 * std::cos(angle), 0.2 * std::sin(angle), 0};
+    ring.rig.cameras.back().row = ring.rig.cameras.back().column = std::nullopt;
+  }
+  CoverageOptions options;
+  options.view_fov_deg = {40};
+  options.shares = {1};
+  options.tolerance_m = 4e-3;
+  const CoverageVolume found =
+      plan_combined_coverage("ring", std::vector{ring}, options).volumes[0];
+  EXPECT_NEAR(found.extent().x(), 0.4, 0.01);
 }
 
 TEST(CombinedCoverage, Refusals) {

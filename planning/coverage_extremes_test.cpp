@@ -203,7 +203,7 @@ class Cases {
 
 TEST(CoverageExtremes, UnrecordedSharesAreExact) {
   Cases cases;
-  int partial = 0;
+  int partial = 0, tight = 0;
   for (int i = 0; i < 7000; ++i) {
     const Case given = cases.next();
     const rig::Rig rig = given.rig();
@@ -214,8 +214,10 @@ TEST(CoverageExtremes, UnrecordedSharesAreExact) {
         << " m, cameras " << given.camera_fov / kDegree << ", view " << given.view_fov / kDegree
         << " deg, offset " << given.pose.position.x() << ", at " << given.position.transpose();
     partial += expected > 1e-3 && expected < 1 - 1e-3 ? 1 : 0;
+    tight += Cases::tolerance(given) < 1e-8 ? 1 : 0;
   }
   EXPECT_GT(partial, 500);
+  EXPECT_GT(tight, 3000);
 }
 
 TEST(CoverageExtremes, SharesOfCombinedArraysAreExact) {

@@ -66,6 +66,11 @@ class CoveragePlanner {
       volume.surface = exact_surface(view, volume.empty_because);
       return volume;
     }
+    if (topology_.kind != rig::Topology::Kind::kTriangles) {
+      volume.empty_because =
+          "ranges of a row or of a single position are those of ideal cameras and all rays";
+      return volume;
+    }
     const auto has_share = [&](const Vector3d& position) {
       return has_recorded_share(view, position, share);
     };

@@ -51,8 +51,13 @@ std::string size_text(const CoverageVolume& volume) {
                      volume.is_in_parts ? " (one part: there are positions apart from it)" : "");
 }
 
-std::string accuracy_text(const CoverageVolume& volume) {
+std::string accuracy_text(const CoverageVolume& volume, const CoverageOptions& options) {
   if (volume.surface.vertices.empty()) return "";
+  if (volume.error_m > options.tolerance_m * (1 + 1e-9)) {
+    return fmt::format("{}within {:.1f} mm, as far as {} vertices can be",
+                       volume.is_lower_bound ? "at least, " : "", kMillimetres * volume.error_m,
+                       volume.surface.vertices.size());
+  }
   if (volume.is_lower_bound) {
     return volume.error_m > 0
                ? fmt::format("at least, within {:.1f} mm", kMillimetres * volume.error_m)
@@ -219,7 +224,7 @@ std::string table_of(const CoveragePlan& plan) {
         "<td>{}</td><td>{}</td></tr>\n",
         color % 4, volume.share == 1 ? "whole" : "part",
         fov_text(volume, plan.options.all_directions), fmt::format("{:.4g} %", 100 * volume.share),
-        charts::escape_html(size_text(volume)), accuracy_text(volume));
+        charts::escape_html(size_text(volume)), accuracy_text(volume, plan.options));
   }
   return table + "</tbody></table>\n";
 }
@@ -249,15 +254,16 @@ std::string name_of(const CoverageVolume& volume) {
 }
 
 std::string format_coverage_plan(const CoveragePlan& plan) {
-  std::string text = fmt::format("{}: {} cameras\n{}\n{}\n", plan.name, plan.cameras.size(),
-                                 views_text(plan.options), arrays_text(plan));
+  std::string text =
+      fmt::format("{}: {} camera{}\n{}\n{}\n", plan.name, plan.cameras.size(),
+                  plan.cameras.size() == 1 ? "" : "s", views_text(plan.options), arrays_text(plan));
   text += "field of view     rays  range of motion: width x height x depth, volume\n";
   for (const CoverageVolume& volume : plan.volumes) {
     const std::string views = fov_text(volume, plan.options.all_directions);
     text += volume.is_of_subject ? fmt::format("{:>22}  ", views)
                                  : fmt::format("{:>13} {:>6.4g} %  ", views, 100 * volume.share);
     text += fmt::format("{}{}{}\n", size_text(volume), volume.surface.vertices.empty() ? "" : ", ",
-                        accuracy_text(volume));
+                        accuracy_text(volume, plan.options));
   }
   return text;
 }

@@ -3,34 +3,39 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 namespace raystage::planning {
 namespace {
 
-constexpr double kViewRadians = std::numbers::pi / 180;
+constexpr double kRadiansOfDegree = std::numbers::pi / 180;
 constexpr int kViewWidth = 1024;  // shares are areas and do not depend on it
 
 }  // namespace
 
-std::vector<Eigen::Matrix3d> view_rotations(const CoverageOptions& options) {
+std::vector<Eigen::Matrix3d> view_rotations(const CoverageOptions& options, double step_deg) {
   std::vector<double> yaws{options.yaw_deg};
   if (options.max_yaw_deg > 0) {
-    yaws.insert(yaws.end(),
-                {options.yaw_deg - options.max_yaw_deg, options.yaw_deg + options.max_yaw_deg});
+    const int steps = std::max(1, static_cast<int>(std::ceil(options.max_yaw_deg / step_deg)));
+    for (int i = 1; i <= steps; ++i) {
+      const double turn = options.max_yaw_deg * i / steps;
+      yaws.insert(yaws.end(), {options.yaw_deg - turn, options.yaw_deg + turn});
+    }
   }
   std::vector<Eigen::Matrix3d> rotations;
   for (const double yaw : yaws) {
     rotations.emplace_back(
-        Eigen::AngleAxisd(yaw * kViewRadians, Eigen::Vector3d::UnitY()) *
-        Eigen::AngleAxisd(options.pitch_deg * kViewRadians, Eigen::Vector3d::UnitX()));
+        Eigen::AngleAxisd(yaw * kRadiansOfDegree, Eigen::Vector3d::UnitY()) *
+        Eigen::AngleAxisd(options.pitch_deg * kRadiansOfDegree, Eigen::Vector3d::UnitX()));
   }
   return rotations;
 }
 
 render::VirtualCamera coverage_view(double fov_deg, double aspect) {
-  return render::virtual_camera_with_fov(
-      kViewWidth, std::max(1, static_cast<int>(kViewWidth / aspect)), fov_deg * kViewRadians, {});
+  return render::virtual_camera_with_fov(kViewWidth,
+                                         std::max(1, static_cast<int>(kViewWidth / aspect)),
+                                         fov_deg * kRadiansOfDegree, {});
 }
 
 }  // namespace raystage::planning

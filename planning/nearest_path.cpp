@@ -107,12 +107,8 @@ Arrays arrays_of(const compose::ShotPlan& plan, NearestPath& result) {
     if (plan.is_light(light_field->index())) continue;
     const rig::Rig& rig = light_field->take().rig();
     std::string reason;
-    auto array = rig::find_wall_eyed_array(rig);
-    if (!array) {
-      array = rig::inscribed_wall_eyed_array(rig, complete_topology(rig), &reason);
-    }
-    if (array) {
-      arrays.emplace(light_field->index(), std::move(*array));
+    if (auto recorded = rig::recorded_array(rig, &reason)) {
+      arrays.emplace(light_field->index(), std::move(recorded->array));
     } else {
       result.ignored_takes.push_back(fmt::format("layer {}: {}", light_field->index(), reason));
     }

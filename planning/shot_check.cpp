@@ -62,10 +62,11 @@ class LayerChecker {
     check_.depth_range = light_field.depth_range();
     const rig::Topology complete = complete_topology(rig_);
     check_.spacing = rig::max_neighbour_baseline(rig_, complete);
-    array_ = rig::find_wall_eyed_array(rig_);
-    check_.is_range_exact = array_.has_value();
-    if (!array_) array_ = rig::inscribed_wall_eyed_array(rig_, complete, &check_.no_range_because);
-    if (array_) check_.no_range_because.clear();
+    if (auto recorded = rig::recorded_array(rig_, &check_.no_range_because)) {
+      array_ = std::move(recorded->array);
+      check_.is_range_exact = recorded->is_ideal;
+      check_.no_range_because.clear();
+    }
   }
 
   LayerCheck run(std::span<const compose::PlannedFrame> frames, const ShotCheckOptions& options,

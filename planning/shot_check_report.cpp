@@ -68,7 +68,8 @@ std::string coverage_text(const LayerCheck& layer) {
   if (lacking.empty()) return "Every ray was recorded.\n";
   const FrameCheck& worst = worst_frame(layer);
   std::string text = fmt::format(
-      "No camera recorded up to {} of the rays, most at frame {}; rays are missing in {} of {}: "
+      "Up to {} of the rays were recorded by no camera, most at frame {}; rays are missing in {} "
+      "of {}: "
       "{}.\n",
       percent(worst.unrecorded_share), worst.frame, lacking.size(),
       frame_count(layer.frames.size()), compose::format_frame_range(lacking));
@@ -300,9 +301,10 @@ std::string shot_check_verdict(const ShotCheck& check) {
   if (!check.has_frames()) return "no light field is visible in these frames";
   const double missing = check.worst_unrecorded_share();
   return fmt::format("{}; effective resolution {:.0f} % of the shot's at least",
-                     missing > 0 ? fmt::format("no camera recorded up to {} of the rays of a frame",
-                                               percent(missing))
-                                 : "every ray was recorded",
+                     missing > 0
+                         ? fmt::format("up to {} of the rays of a frame were recorded by no camera",
+                                       percent(missing))
+                         : "every ray was recorded",
                      kPercent * check.worst_resolution());
 }
 

@@ -3,34 +3,25 @@
 // 50 microseconds for a view.
 #include "replay/ranges_of_motion.h"
 
-#include <numeric>
-#include <optional>
 #include <utility>
 
 #include "compose/layers/light_field_layer.h"
 #include "rig/planning/range_of_motion.h"
-#include "rig/rig.h"
 
 namespace raystage::replay {
 
 RangesOfMotion::RangesOfMotion(const compose::ShotPlan& plan) {
   for (const compose::LightFieldLayer* layer : plan.light_fields()) {
-    const rig::Rig& rig = layer->take().rig();
-    std::optional<rig::WallEyedArray> array = rig::find_wall_eyed_array(rig);
-    const bool is_exact = array.has_value();
-    if (!array) {
-      std::vector<int> all(rig.cameras.size());
-      std::iota(all.begin(), all.end(), 0);
-      array = rig::inscribed_wall_eyed_array(rig, rig::make_topology(rig, all));
+    if (auto recorded = rig::recorded_array(layer->take().rig())) {
+      arrays_.push_back({layer->index(), std::move(recorded->array), recorded->is_ideal});
     }
-    if (array) arrays_.push_back({layer->index(), *std::move(array), is_exact});
   }
 }
 
-std::vector<RangesOfMotion::Range> RangesOfMotion::of_view(
-    const render::VirtualCamera& view) const {
+std::vector<RangesOfMotion::Range> RangesOfMotion::of_view(const render::VirtualCamera& view,
+                                                           double interaxial) const {
   const rig::ViewFrustum frustum{rig::camera_slopes(view.intrinsics, view.width, view.height),
-                                 view.pose.world_from_camera_rotation, 0};
+                                 view.pose.world_from_camera_rotation, interaxial};
   std::vector<Range> ranges;
   for (const Array& one : arrays_) {
     Range range{one.layer, {}, one.is_exact};

@@ -23,8 +23,10 @@ class RangesOfMotion {
     bool is_exact =
         false;  ///< otherwise the view may also be elsewhere: of arrays that are not ideal
   };
-  /// Returns the ranges of a view with this orientation and lens, wherever it is.
-  std::vector<Range> of_view(const render::VirtualCamera& view) const;
+  /// Returns the ranges of a view with this orientation and lens, wherever it is; none of light
+  /// fields whose cameras see no directions in common. `interaxial`: metres between the eyes of a
+  /// stereo camera, or 0.
+  std::vector<Range> of_view(const render::VirtualCamera& view, double interaxial) const;
 
  private:
   struct Array {

@@ -57,7 +57,7 @@ struct PictureMessage {
   std::vector<std::string> absent_cameras;
   bool is_held = false;  ///< the nearest instant replaces a missing one
   std::vector<std::string> notes;
-  std::vector<RangesOfMotion::Range> ranges;  ///< of the view; of resting ones only
+  std::vector<RangesOfMotion::Range> ranges;  ///< of the view's orientation and lens
 };
 
 /// A picture of source frames, in front of its JPEG.

@@ -273,10 +273,11 @@ std::vector<std::byte> render_picture(const ShownShot& shown, const ViewerMessag
   const store::RgbImage picture =
       render_arranged(shown, request, size, options.preview, stop, message);
   add_instant(shown, message.frame, message);
-  if (request.quality == ViewerMessage::Quality::kResting) {
-    message.ranges = shown.scene->ranges_of_motion().of_view(
-        requested_camera(shown, request, request.width, request.height).view);
-  }
+  const bool is_stereo = request.eye != ViewerMessage::Eye::kBoth ||
+                         request.arrangement != ViewerMessage::Arrangement::kSingle;
+  message.ranges = shown.scene->ranges_of_motion().of_view(
+      requested_camera(shown, request, request.width, request.height).view,
+      is_stereo && shown.shot.camera.stereo ? shown.shot.camera.stereo->interaxial_m : 0);
   message.width = picture.width;
   message.height = picture.height;
   const std::vector<std::byte> jpeg = store::encode_jpeg(picture, jpeg_options(request.quality));

@@ -50,6 +50,38 @@ double fov_of(const CatalogueCamera& camera, double focal_length_mm) {
 
 double pitch_of(double fov, double pixels) { return 2 * std::tan(fov / 2) / pixels; }
 
+/// The middle and the size of the specified positions, in the frame of the array.
+Eigen::AlignedBox3d box_of_positions(const ArraySpecification& specification) {
+  Eigen::AlignedBox3d box;
+  for (const ArraySpecification::Position& position : specification.positions) {
+    box.extend(Eigen::Vector3d(position.x_m, position.y_m, -position.depth_m));
+  }
+  return box;
+}
+
+/// Throws Error (bad input) where equal sides of a cube would not record what is specified: the
+/// requirements are those of the first side.
+void check_sides(const ArraySpecification& specification, const std::string& name) {
+  const Eigen::Vector3d size = box_of_positions(specification).sizes();
+  constexpr double kCube = 1e-3;  // of the largest edge
+  if (size.maxCoeff() - size.minCoeff() > kCube * size.maxCoeff()) {
+    throw Error::bad_input(
+        fmt::format("six sides surround a cube, the positions fill {:.3f} x {:.3f} x {:.3f} m",
+                    size.x(), size.y(), size.z()),
+        name + "#/positions", "Give the corners of a cube");
+  }
+  constexpr double kRightAngle = 90 - 1e-9;
+  const ArraySpecification::Views& views = specification.views;
+  if (views.largest_fov_deg < kRightAngle || views.height_px < views.width_px) {
+    throw Error::bad_input("six sides see all directions if each sees 90 degrees both ways",
+                           name + "#/views", "Give square views of at least 90 degrees");
+  }
+  if (specification.subject) {
+    throw Error::bad_input("a subject is in front of one array, six sides look outwards",
+                           name + "#/subject", "Remove the subject, or the sides");
+  }
+}
+
 /// Computes alternatives of one specification.
 class ArrayPlanner {
  public:
@@ -60,6 +92,7 @@ class ArrayPlanner {
     picture.horizontal_fov = views.largest_fov_deg * kRadians;
     picture.aspect = static_cast<double>(views.width_px) / views.height_px;
     picture.interaxial = views.interaxial_mm / kMillimetresPerMetre;
+    if (specification.sides > 1) check_sides(specification, name);
     const auto needed = rig::array_requirements(views_of(specification), picture);
     if (!needed) {
       throw Error::bad_input("a view looks back at the plane of the array", name,
@@ -175,7 +208,7 @@ class ArrayPlanner {
       counts[static_cast<std::size_t>(axis)] = count;
       array.spacing[axis] = count > 1 ? std::max(length / (count - 1), body) : 0;
     }
-    if (!(counts[0] * counts[1] <= kMostCameras)) return std::nullopt;
+    if (!(counts[0] * counts[1] * specification_.sides <= kMostCameras)) return std::nullopt;
     array.camera = camera.id;
     array.focal_length_mm = focal_length;
     array.horizontal_fov = fov_of(camera, focal_length);
@@ -275,7 +308,7 @@ class ArrayPlanner {
       const double spacing = factor * best.spacing.maxCoeff();
       const double columns = count_along(extent().x(), spacing);
       const double rows = count_along(extent().y(), spacing);
-      if (!(columns * rows <= kMostCameras)) continue;
+      if (!(columns * rows * specification_.sides <= kMostCameras)) continue;
       RateTrade trade;
       trade.columns = static_cast<int>(columns);
       trade.rows = static_cast<int>(rows);
@@ -321,15 +354,6 @@ std::vector<Eigen::Matrix3d> rotations_of_sides(int sides) {
   return rotations;
 }
 
-/// Returns the middle of the specified positions.
-Eigen::Vector3d middle_of_positions(const ArraySpecification& specification) {
-  Eigen::AlignedBox3d box;
-  for (const ArraySpecification::Position& position : specification.positions) {
-    box.extend(Eigen::Vector3d(position.x_m, position.y_m, -position.depth_m));
-  }
-  return box.center();
-}
-
 /// Returns the poses of an array's cameras, row by row.
 std::vector<rig::Pose> poses_of_side(const ArrayPlan& plan, const ArrayAlternative& of) {
   const Eigen::Vector2d middle = plan.needed.extent.center();
@@ -359,7 +383,7 @@ schemas::RigDocument rig_of_alternative(const ArrayPlan& plan, const ArrayAltern
   rig.topology = of.sides == 1 && of.columns > 1 && of.rows > 1 ? "grid" : "auto";
   const double focal_length = of.width_px / (2 * std::tan(of.horizontal_fov / 2));
   const std::vector<rig::Pose> poses = poses_of_side(plan, of);
-  const Eigen::Vector3d pivot = middle_of_positions(plan.specification);
+  const Eigen::Vector3d pivot = box_of_positions(plan.specification).center();
   const std::vector<Eigen::Matrix3d> rotations = rotations_of_sides(of.sides);
   for (std::size_t side = 0; side < rotations.size(); ++side) {
     for (int i = 0; i < of.columns * of.rows; ++i) {

@@ -114,6 +114,9 @@ TEST(ArrayPlan, RotatedCamerasNeedASmallerFieldOfView) {
 // Thesis 6.2: an array on each side of a cube around the positions.
 TEST(ArrayPlan, SixSidesSurroundThePositions) {
   schemas::ArraySpecification wanted = prototype();
+  wanted.views = {240, 240, 90, 90, 0, 0, 0};
+  wanted.cameras[0].height_px = 320;
+  wanted.cameras[0].focal_lengths_mm = {1.8};
   wanted.positions.clear();
   for (const double x : {-0.1, 0.1}) {
     for (const double y : {-0.1, 0.1}) {
@@ -140,6 +143,23 @@ TEST(ArrayPlan, SixSidesSurroundThePositions) {
     EXPECT_NEAR((camera.pose.position - rig.centre()).dot(camera.pose.viewing_direction()), 0.1,
                 1e-12);
   }
+}
+
+TEST(ArrayPlan, SixSidesNeedACubeAndRightAngles) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.cameras[0].height_px = 320;
+  wanted.cameras[0].focal_lengths_mm = {1.8};
+  wanted.views = {240, 240, 90, 90, 0, 0, 0};
+  wanted.sides = 6;
+  EXPECT_THROW(plan_array(wanted, "test"), Error) << "the positions are in a plane";
+  wanted.positions = {{-0.1, -0.1, 0, {}, {}}, {0.1, 0.1, -0.2, {}, {}}};
+  EXPECT_NO_THROW(plan_array(wanted, "test"));
+  schemas::ArraySpecification narrow = wanted;
+  narrow.views.least_fov_deg = narrow.views.largest_fov_deg = 80;
+  EXPECT_THROW(plan_array(narrow, "test"), Error);
+  schemas::ArraySpecification inwards = wanted;
+  inwards.subject = {8, 0.5};
+  EXPECT_THROW(plan_array(inwards, "test"), Error);
 }
 
 // Thesis 8.2: at one total rate more cameras have less ghosting, and less resolution.

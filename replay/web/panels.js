@@ -212,6 +212,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     }
     showLegend(header.false_colors);
     if (!state.shot) return;
+    state.ranges = header.ranges ?? [];
     if (header.quality === "resting" && header.method === "") element("progress-row").hidden = true;
     const [layer] = state.shot.layers.filter(({ method }) => method);
     if (header.quality === "resting" && header.method === "" && layer) {
@@ -221,10 +222,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     const now = performance.now();
     if (header.quality !== "resting" && now - factsTime < kMotionInterval) return;
     factsTime = now;
-    if (header.quality === "resting") {
-      state.ranges = header.ranges ?? [];
-      drawShotMap();
-    }
+    if (header.quality === "resting") drawShotMap();
     const facts = [
       ["Rendered", `${header.width} x ${header.height}${header.method ? ", " + header.method : ""}`],
       ["Time", `${header.render_ms.toFixed(1)} + ${header.picture_ms.toFixed(1)} ms`],

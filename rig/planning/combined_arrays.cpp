@@ -12,6 +12,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <iterator>
+#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -33,20 +35,33 @@ void add_crossing(const std::vector<Vector2d>& outline, const Vector3d& position
   }
 }
 
-/// Returns whether an array is nowhere in front of another's plane, where it hides nothing.
-bool is_behind(const MemberArray& array, const Pose& plane) {
-  constexpr double kTouching = 1e-12;  // of the distance
-  return std::ranges::all_of(array.outline, [&](const Vector2d& corner) {
-    const Vector3d at = plane.camera_from_world(
+/// Returns how far positions of two arrays in the world may be rounded, metres.
+double rounding_of(const MemberArray& a, const MemberArray& b) {
+  constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
+  return kRounding * (a.rays.pose.position.norm() + b.rays.pose.position.norm());
+}
+
+/// Returns whether a part of an array is in front of the plane of another one, where it may hide
+/// something.
+bool is_in_front(const MemberArray& array, const MemberArray& of) {
+  return std::ranges::any_of(array.outline, [&](const Vector2d& corner) {
+    const Vector3d at = of.rays.pose.camera_from_world(
         array.rays.pose.world_from_camera(Vector3d(corner.x(), corner.y(), 0)));
-    return at.z() >= -kTouching * at.norm();
+    constexpr double kTouching = 1e-12;  // of the distance
+    return at.z() < -(kTouching * at.norm() + rounding_of(array, of));
   });
 }
 
 }  // namespace
 
 CombinedArrays::CombinedArrays(std::vector<MemberArray> arrays, bool hide_each_other)
-    : arrays_(std::move(arrays)), hide_each_other_(hide_each_other) {}
+    : arrays_(std::move(arrays)), hidden_by_(arrays_.size()) {
+  for (std::size_t i = 0; i < arrays_.size() && hide_each_other; ++i) {
+    for (std::size_t j = 0; j < arrays_.size(); ++j) {
+      if (j != i && is_in_front(arrays_[j], arrays_[i])) hidden_by_[i].push_back(j);
+    }
+  }
+}
 
 double CombinedArrays::recorded_share(const Vector3d& position, const ViewFrustum& view) const {
   std::array<Vector3d, 4> corners;
@@ -72,80 +87,81 @@ double CombinedArrays::recorded_share_of_all(const Vector3d& position) const {
 }
 
 CombinedArrays::SeenPoint CombinedArrays::seen_point(const Vector3d& point) const {
-  // An array sees what is in front of it, unless another one is between them.
-  std::vector<MemberArray> facing;
-  for (const MemberArray& array : arrays_) {
-    if (array.rays.pose.camera_from_world(point).z() < 0) facing.push_back(array);
-  }
+  const auto angle_of = [](const std::vector<DirectionPolygon>& parts) {
+    double angle = 0;
+    for (const DirectionPolygon& part : parts) angle += part.solid_angle();
+    return angle;
+  };
+  constexpr double kAll = 4 * std::numbers::pi, kRounding = 1e-9;
   SeenPoint seen;
-  seen.share = CombinedArrays(facing, hide_each_other_).recorded_share_of_all(point);
-  for (const MemberArray& array : facing) {
-    const bool sees = CombinedArrays({array}, false).recorded_share_of_all(point) > 0;
-    seen.arrays += sees ? 1 : 0;
+  std::vector<DirectionPolygon> left = all_directions();
+  for (std::size_t i = 0; i < arrays_.size(); ++i) {
+    if (!(arrays_[i].rays.pose.camera_from_world(point).z() < 0)) continue;
+    const double not_by_it =
+        angle_of(unrecorded_by(i, point, all_directions(), Hiding::kUntilThePosition));
+    if (not_by_it < kAll * (1 - kRounding)) ++seen.arrays;
+    left = unrecorded_by(i, point, std::move(left), Hiding::kUntilThePosition);
   }
+  seen.share = std::clamp(1 - angle_of(left) / kAll, 0.0, 1.0);
   return seen;
 }
 
 std::vector<DirectionPolygon> CombinedArrays::unrecorded(
     const Vector3d& position, std::vector<DirectionPolygon> directions) const {
   for (std::size_t i = 0; i < arrays_.size() && !directions.empty(); ++i) {
-    const WallEyedArray& array = arrays_[i].rays;
-    const Vector3d in_array = array.pose.camera_from_world(position);
-    Cone recorded{{0, 0, -1}};
-    for (const int axis : {0, 1}) {
-      Vector3d above = Vector3d::Unit(axis), below = -Vector3d::Unit(axis);
-      above.z() = array.slopes.least[axis];
-      below.z() = -array.slopes.largest[axis];
-      recorded.insert(recorded.end(), {above, below});
-    }
-    add_crossing(array.hull, in_array, recorded);
-    for (Vector3d& normal : recorded) {
-      normal = array.pose.world_from_camera_rotation * normal;
-    }
-    std::vector<DirectionPolygon> kept = without(directions, recorded);
-    // What other arrays hide stays unrecorded.
-    const std::vector<Cone> hidden_cones = hidden(i, in_array);
-    if (!hidden_cones.empty()) {
-      std::vector<DirectionPolygon> seen;
-      for (DirectionPolygon part : directions) {
-        for (const Vector3d& normal : recorded) part = part.clipped(normal);
-        if (!part.is_empty()) seen.push_back(std::move(part));
-      }
-      for (const Cone& cone : hidden_cones) {
-        for (DirectionPolygon part : seen) {
-          for (const Vector3d& normal : cone) part = part.clipped(normal);
-          if (!part.is_empty()) kept.push_back(std::move(part));
-        }
-        seen = without(seen, cone);
-      }
-    }
-    directions = std::move(kept);
+    directions = unrecorded_by(i, position, std::move(directions), Hiding::kBeyondTheArray);
   }
   return directions;
 }
 
+std::vector<DirectionPolygon> CombinedArrays::unrecorded_by(
+    std::size_t array, const Vector3d& position, std::vector<DirectionPolygon> directions,
+    Hiding hiding) const {
+  const WallEyedArray& rays = arrays_[array].rays;
+  const Vector3d in_array = rays.pose.camera_from_world(position);
+  Cone recorded{{0, 0, -1}};
+  for (const int axis : {0, 1}) {
+    Vector3d above = Vector3d::Unit(axis), below = -Vector3d::Unit(axis);
+    above.z() = rays.slopes.least[axis];
+    below.z() = -rays.slopes.largest[axis];
+    recorded.insert(recorded.end(), {above, below});
+  }
+  add_crossing(rays.hull, in_array, recorded);
+  for (Vector3d& normal : recorded) normal = rays.pose.world_from_camera_rotation * normal;
+  std::vector<DirectionPolygon> left = without(directions, recorded);
+  const std::vector<Cone> hidden_cones = hidden(array, in_array, hiding);
+  if (hidden_cones.empty()) return left;
+  // What other arrays hide stays unrecorded.
+  std::vector<DirectionPolygon> seen = within(directions, recorded);
+  for (const Cone& cone : hidden_cones) {
+    std::ranges::move(within(seen, cone), std::back_inserter(left));
+    seen = without(seen, cone);
+  }
+  return left;
+}
+
 std::vector<CombinedArrays::Cone> CombinedArrays::hidden(std::size_t array,
-                                                         const Vector3d& in_array) const {
+                                                         const Vector3d& in_array,
+                                                         Hiding hiding) const {
   std::vector<Cone> cones;
-  if (!hide_each_other_) return cones;
   const Pose& pose = arrays_[array].rays.pose;
   const Vector3d back = pose.world_from_camera_rotation.col(2);
-  for (std::size_t j = 0; j < arrays_.size(); ++j) {
+  for (const std::size_t j : hidden_by_[array]) {
     const MemberArray& other = arrays_[j];
-    if (j == array || is_behind(other, pose)) continue;
     const Vector3d in_other = other.rays.pose.camera_from_world(pose.world_from_camera(in_array));
     const Eigen::Matrix3d& rotation = other.rays.pose.world_from_camera_rotation;
     // a_j b_i - a_i b_j as a normal.
     const Vector3d behind = -in_other.z() * back + in_array.z() * rotation.col(2);
-    constexpr double kOnePlane = 1e-9;
-    if (behind.norm() <= kOnePlane * (std::abs(in_other.z()) + std::abs(in_array.z()))) continue;
     Cone cone{-Vector3d::UnitZ()};
     add_crossing(other.outline, in_other, cone);
     for (Vector3d& normal : cone) normal = rotation * normal;
     cone.push_back(behind);
-    cones.push_back(cone);
+    // The sign of a_j / b_j says on which side of the position the ray crosses the array: with
+    // a_j < 0, before it for b_j > 0.
+    const bool all = hiding == Hiding::kBeyondTheArray;
+    if (all || in_other.z() < 0) cones.push_back(cone);
     for (Vector3d& normal : cone) normal = -normal;
-    cones.push_back(std::move(cone));
+    if (all || in_other.z() > 0) cones.push_back(std::move(cone));
   }
   return cones;
 }

@@ -36,18 +36,28 @@ class CombinedArrays {
     double share = 0;  ///< of all directions, those in which a ray of the point was recorded
     int arrays = 0;    ///< that see it
   };
+  /// Returns from where arrays see a point that is in front of them. Others may hide it.
   SeenPoint seen_point(const Eigen::Vector3d& point) const;
 
  private:
   /// A convex set of directions: those with n.d >= 0 for every normal.
   using Cone = std::vector<Eigen::Vector3d>;
+  /// Which arrays hide a ray that passes through a position.
+  enum class Hiding {
+    kBeyondTheArray,    ///< those that it crosses after the one that records it
+    kUntilThePosition,  ///< of these, those that it crosses before the position
+  };
 
   std::vector<DirectionPolygon> unrecorded(const Eigen::Vector3d& position,
                                            std::vector<DirectionPolygon> directions) const;
-  std::vector<Cone> hidden(std::size_t array, const Eigen::Vector3d& position) const;
+  /// Returns what an array did not record of `directions`, in parts.
+  std::vector<DirectionPolygon> unrecorded_by(std::size_t array, const Eigen::Vector3d& position,
+                                              std::vector<DirectionPolygon> directions,
+                                              Hiding hiding) const;
+  std::vector<Cone> hidden(std::size_t array, const Eigen::Vector3d& in_array, Hiding hiding) const;
 
   std::vector<MemberArray> arrays_;
-  bool hide_each_other_;
+  std::vector<std::vector<std::size_t>> hidden_by_;  // of each array: those in front of its plane
 };
 
 }  // namespace raystage::rig

@@ -185,16 +185,35 @@ double ConvexPolyhedron::volume() const {
 double ConvexPolyhedron::signed_distance(const Eigen::Vector3d& point) const {
   if (is_empty()) return -std::numeric_limits<double>::infinity();
   if (faces_.empty()) return -(point - vertices_.front()).norm();
+  if (is_flat()) return signed_distance_in_plane(point);
   double depth = std::numeric_limits<double>::infinity();
   for (const Face& face : faces_) depth = std::min(depth, face.half_space.depth_of(point));
   if (depth >= 0) return depth;
   return -(nearest_point(point) - point).norm();
 }
 
+double ConvexPolyhedron::signed_distance_in_plane(const Eigen::Vector3d& point) const {
+  double extent = 0;
+  for (const Eigen::Vector3d& vertex : vertices_) extent = std::max(extent, vertex.norm());
+  constexpr double kOnPlane = 1e-12;
+  const double outside = (nearest_point(point) - point).norm();
+  if (outside > kOnPlane * extent) return -outside;
+  const std::vector<int>& border = faces_.front().vertices;
+  double depth = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < border.size(); ++i) {
+    const Eigen::Vector3d& from = vertices_[border[i]];
+    const Eigen::Vector3d along = (vertices_[border[(i + 1) % border.size()]] - from).normalized();
+    const Eigen::Vector3d to = point - from;
+    depth = std::min(depth, (to - along.dot(to) * along).norm());
+  }
+  return depth;
+}
+
 Eigen::Vector3d ConvexPolyhedron::nearest_point(const Eigen::Vector3d& point) const {
   assert(!is_empty());
   const auto holds = [&](const Face& face) { return face.half_space.depth_of(point) >= 0; };
-  if (!faces_.empty() && std::ranges::all_of(faces_, holds)) return point;
+  // On the plane of a flat one both faces hold everywhere.
+  if (!faces_.empty() && !is_flat() && std::ranges::all_of(faces_, holds)) return point;
   Eigen::Vector3d nearest = vertices_.front();
   for (const Face& face : faces_) {
     for (std::size_t i = 1; i + 1 < face.vertices.size(); ++i) {

@@ -45,13 +45,17 @@ class ConvexPolyhedron {
   double volume() const;  ///< cubic units
 
   /// Returns the distance of a point from the boundary: positive inside, negative outside; minus
-  /// infinity for an empty polyhedron.
+  /// infinity for an empty polyhedron. Of a point on the plane of a flat one, the boundary is that
+  /// of the polygon.
   double signed_distance(const Eigen::Vector3d& point) const;
   /// Returns the point of the polyhedron that is nearest to `point`. Must not be empty.
   Eigen::Vector3d nearest_point(const Eigen::Vector3d& point) const;
 
  private:
   void clip(const HalfSpace& half_space, double tolerance);
+  /// A polyhedron with a volume has four faces at least.
+  bool is_flat() const { return faces_.size() == 2; }
+  double signed_distance_in_plane(const Eigen::Vector3d& point) const;
 
   std::vector<Eigen::Vector3d> vertices_;
   std::vector<Face> faces_;

@@ -71,6 +71,16 @@ std::vector<DirectionPolygon> all_directions() {
   return sides;
 }
 
+std::vector<DirectionPolygon> within(std::span<const DirectionPolygon> polygons,
+                                     std::span<const Vector3d> normals) {
+  std::vector<DirectionPolygon> inside;
+  for (DirectionPolygon polygon : polygons) {
+    for (const Vector3d& normal : normals) polygon = polygon.clipped(normal);
+    if (!polygon.is_empty()) inside.push_back(std::move(polygon));
+  }
+  return inside;
+}
+
 std::vector<DirectionPolygon> without(std::span<const DirectionPolygon> polygons,
                                       std::span<const Vector3d> normals) {
   std::vector<DirectionPolygon> outside;
@@ -83,6 +93,7 @@ std::vector<DirectionPolygon> without(std::span<const DirectionPolygon> polygons
     }
     DirectionPolygon inside = polygon;
     for (const Vector3d& normal : normals) {
+      if (normal.isZero(0)) continue;  // all directions are on both sides
       DirectionPolygon beyond = inside.clipped(-normal);
       if (!beyond.is_empty()) outside.push_back(std::move(beyond));
       inside = inside.clipped(normal);

@@ -32,6 +32,10 @@ class DirectionPolygon {
 /// Returns all directions as the six sides of a cube.
 std::vector<DirectionPolygon> all_directions();
 
+/// Returns the parts of polygons in the intersection of half-spaces n.d >= 0.
+std::vector<DirectionPolygon> within(std::span<const DirectionPolygon> polygons,
+                                     std::span<const Eigen::Vector3d> normals);
+
 /// Returns convex parts of the directions of `polygons` that are not in the intersection of
 /// half-spaces n.d >= 0. Neither `polygons` nor the result overlap.
 std::vector<DirectionPolygon> without(std::span<const DirectionPolygon> polygons,

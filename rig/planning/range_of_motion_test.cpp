@@ -185,6 +185,16 @@ TEST(RangeOfMotion, OfARowIsFlatAndOfOneCentreAPoint) {
   EXPECT_EQ(flat.dimension, 2);
   const double depth = 0.4 / std::tan(30 * kRadiansPerDegree);
   expect_vertices(flat.positions, {{0.4, 0, 0}, {-0.4, 0, 0}, {0, 0, depth}, {0, 0, -depth}}, 1e-9);
+  // Distances are those within its plane, and outside of it those in space.
+  const auto distance = [&](double x, double y, double z) {
+    return flat.positions.signed_distance({x, y, z});
+  };
+  EXPECT_NEAR(distance(0, 0, 0), 0.4 * std::cos(30 * kRadiansPerDegree), 1e-9);
+  EXPECT_NEAR(distance(0.5, 0, 0), -0.1, 1e-9);
+  EXPECT_NEAR(distance(0, 0.3, 0), -0.3, 1e-9);
+  EXPECT_LT((flat.positions.nearest_point({0.5, 0, 0}) - Eigen::Vector3d(0.4, 0, 0)).norm(), 1e-9);
+  EXPECT_LT((flat.positions.nearest_point({0.1, 0, 0.1}) - Eigen::Vector3d(0.1, 0, 0.1)).norm(),
+            1e-9);
   // Rounding does not give it a width.
   const Pose turned{rotation(0.4, 0.3, 0.2), {1, 2, 3}};
   for (const double offset : {0.0, 1e3, 1e7}) {

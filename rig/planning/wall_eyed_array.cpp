@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <utility>
 
 #include "rig/array_plane.h"
@@ -335,6 +336,15 @@ std::optional<WallEyedArray> inscribed_wall_eyed_array(const Rig& rig, const Top
   array.hull = inset(array.hull, distances);
   if (array.hull.empty()) return refuse("the cameras are too far in front of each other");
   return array;
+}
+
+std::optional<RecordedArray> recorded_array(const Rig& rig, std::string* reason) {
+  if (auto ideal = find_wall_eyed_array(rig)) return RecordedArray{*std::move(ideal), true};
+  std::vector<int> all(rig.cameras.size());
+  std::iota(all.begin(), all.end(), 0);
+  auto inscribed = inscribed_wall_eyed_array(rig, make_topology(rig, all), reason);
+  if (!inscribed) return std::nullopt;
+  return RecordedArray{*std::move(inscribed), false};
 }
 
 }  // namespace raystage::rig

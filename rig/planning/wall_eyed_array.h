@@ -57,6 +57,15 @@ std::optional<WallEyedArray> find_wall_eyed_array(const Rig& rig,
 std::optional<WallEyedArray> inscribed_wall_eyed_array(const Rig& rig, const Topology& topology,
                                                        std::string* reason = nullptr);
 
+/// The rays that an array recorded.
+struct RecordedArray {
+  WallEyedArray array;
+  bool is_ideal = false;  ///< otherwise it recorded at least these rays
+};
+/// Returns the ideal array that a rig is, or else an inscribed one. Nullopt as
+/// inscribed_wall_eyed_array(); `reason`: why, for people.
+std::optional<RecordedArray> recorded_array(const Rig& rig, std::string* reason = nullptr);
+
 /// Returns the convex hull of points, counter-clockwise, without corners that are within
 /// `tolerance` of the edge between their neighbours. Two points: all are on a line; one: they
 /// coincide.

@@ -21,6 +21,8 @@
 #include "render/memory_budgets.h"
 #include "render/methods.h"
 #include "render/renderer.h"
+#include "rig/plenoptic_sampling.h"
+#include "rig/rig.h"
 #include "store/rotten_frame.h"
 #include "store/timeline.h"
 
@@ -98,10 +100,34 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
       ++counted;
     }
   }
+  std::vector<RegionErrors> regions;
+  for (const ViewEvaluation& view : views) {
+    if (view.regions) regions.push_back(*view.regions);
+  }
+  if (!regions.empty()) mean.regions = mean_region_errors(regions);
   mean.quality.psnr_db /= covering;  // NaN if no view has covered pixels
   mean.quality.ssim /= covering;
   mean.decoded_per_needed /= counted;
   return mean;
+}
+
+/// Returns the errors in the regions of the true depths; nullopt if these are unknown.
+std::optional<RegionErrors> errors_by_region(const ComparedView& view, const GroundTruth& truth,
+                                             const schemas::Intrinsics& lens,
+                                             double camera_spacing) {
+  if (truth.z.empty()) return std::nullopt;
+  const TrueDepths depths{truth.image.width, truth.image.height, truth.z,
+                          std::max(lens.fx, lens.fy) * camera_spacing};
+  return region_errors(view, depths, truth_regions(depths));
+}
+
+/// Returns the largest distance between neighbours of the cameras that contribute.
+double camera_spacing_of(const rig::Rig& rig, const std::vector<int>& excluded) {
+  std::vector<int> included;
+  for (int i = 0; i < static_cast<int>(rig.cameras.size()); ++i) {
+    if (std::ranges::find(excluded, i) == excluded.end()) included.push_back(i);
+  }
+  return included.empty() ? 0 : rig::max_neighbour_baseline(rig, rig::make_topology(rig, included));
 }
 
 /// Returns a note on the views outside the take's time, or an empty string. Throws Error (bad
@@ -299,6 +325,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
   if (!settings.image_folder.empty()) create_folder(settings.image_folder);
   read_ahead(take, subjects, renderer_options.excluded_cameras);
 
+  const double camera_spacing = camera_spacing_of(take.rig(), renderer_options.excluded_cameras);
   ShotErrors shot_errors;
   std::size_t done = 0;
   const auto report_done = [&] {
@@ -325,6 +352,8 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     const std::vector<std::uint8_t> covered = measured_pixels(view, *truth);
     result.quality = render::compare_images(image, truth->image, covered);
     result.quality.covered /= known_share(*truth);
+    result.regions = errors_by_region({image, truth->image, covered, view.z}, *truth,
+                                      subject.camera.intrinsics, camera_spacing);
     shot_errors.add(subject.id, image, truth->image, covered);
     if (settings.on_view) {
       settings.on_view(

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/region_errors.h"
 #include "evaluation/shot_errors.h"
 #include "render/common/image_quality.h"
 #include "schemas/hole_fill.h"
@@ -68,6 +69,7 @@ struct ViewEvaluation {
   double working_mb = 0;  ///< RenderStatistics::working_bytes, in 10^6 bytes
   /// Source pixels entropy-decoded per distinct pixel sampled; NaN if none was sampled.
   double decoded_per_needed = std::numeric_limits<double>::quiet_NaN();
+  std::optional<RegionErrors> regions = {};  ///< if the true depths are known
 };
 
 /// The variation of finite PSNR over the views in their order.

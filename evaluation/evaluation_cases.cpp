@@ -4,7 +4,10 @@
 // linear in views and ticks.
 #include "evaluation/evaluation_cases.h"
 
+#include <fmt/format.h>
+
 #include "base/error.h"
+#include "images/exr_reader.h"
 #include "images/image_reader.h"
 #include "store/processing/frames/corrected_frame.h"
 
@@ -61,6 +64,19 @@ store::RgbImage codes_of(const store::Take& take, const rig::Rig::Camera& of, in
   return image;
 }
 
+/// Reads the true depths of a view's pixels.
+std::vector<float> depths_of(const std::filesystem::path& file, const store::RgbImage& image) {
+  constexpr images::ExrChannel kChannels[]{{"Z"}};
+  images::ExrChannelData data =
+      images::read_exr_channels(file, kChannels, "Give the planar depths as channel Z");
+  if (data.width != image.width || data.height != image.height) {
+    throw Error::bad_input(fmt::format("found {}x{} depths, allowed: {}x{} as the truth image",
+                                       data.width, data.height, image.width, image.height),
+                           file.string(), "Give the depths of the view");
+  }
+  return std::move(data.values);
+}
+
 void add_camera(int camera, const store::Take& take, const store::Timeline* timeline,
                 std::vector<EvaluationCase>& subjects) {
   const rig::Rig::Camera& excluded = take.rig().cameras[camera];
@@ -100,8 +116,12 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
   for (const schemas::ViewsDocument::View& view : views.views) {
     subjects.push_back({view.geometry.id, render::virtual_camera_from_geometry(view.geometry),
                         instant_at(view.time_ns, take, timeline),
-                        [reader, file = views_folder / view.file] {
-                          return GroundTruth{reader->read_rgb(file), {}};
+                        [reader, file = views_folder / view.file,
+                         depth_file = view.depth_file.empty() ? std::filesystem::path()
+                                                              : views_folder / view.depth_file] {
+                          GroundTruth truth{reader->read_rgb(file), {}};
+                          if (!depth_file.empty()) truth.z = depths_of(depth_file, truth.image);
+                          return truth;
                         }});
   }
   for (const std::string& id : options.excluded_camera_ids) {

@@ -10,15 +10,31 @@
 namespace raystage::evaluation {
 namespace {
 
+nlohmann::ordered_json as_json(const PictureErrors& errors) {
+  return {{"psnr_db", json_number(errors.psnr_db)},
+          {"ms_ssim", json_number(errors.ms_ssim)},
+          {"share", json_number(errors.share)}};
+}
+
+nlohmann::ordered_json as_json(const RegionErrors& errors) {
+  return {{"edge_band", as_json(errors.edge_band)},
+          {"thin", as_json(errors.thin)},
+          {"bad_depths_half_px", json_number(errors.bad_depths_half_px)},
+          {"bad_depths_1_px", json_number(errors.bad_depths_1_px)},
+          {"plane_rms_px", json_number(errors.plane_rms_px)}};
+}
+
 nlohmann::ordered_json as_json(const ViewEvaluation& view) {
-  return {{"id", view.id},
-          {"psnr_db", json_number(view.quality.psnr_db)},
-          {"ssim", json_number(view.quality.ssim)},
-          {"coverage", view.quality.covered},
-          {"decode_ms", view.decode_ms},
-          {"render_ms", view.render_ms},
-          {"working_mb", view.working_mb},
-          {"decoded_per_needed", json_number(view.decoded_per_needed)}};
+  nlohmann::ordered_json json{{"id", view.id},
+                              {"psnr_db", json_number(view.quality.psnr_db)},
+                              {"ssim", json_number(view.quality.ssim)},
+                              {"coverage", view.quality.covered},
+                              {"decode_ms", view.decode_ms},
+                              {"render_ms", view.render_ms},
+                              {"working_mb", view.working_mb},
+                              {"decoded_per_needed", json_number(view.decoded_per_needed)}};
+  if (view.regions) json["regions"] = as_json(*view.regions);
+  return json;
 }
 
 std::string ratio_as_text(double ratio) {
@@ -69,6 +85,17 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
   };
   for (const ViewEvaluation& view : evaluation.views) add(view);
   add(evaluation.mean);
+  if (const auto& regions = evaluation.mean.regions) {
+    text += fmt::format(
+        "edges of depth (8 px): {:.2f} dB, MS-SSIM {:.4f}; thin structures: {:.2f} dB, MS-SSIM "
+        "{:.4f}\n"
+        "depths wrong by more than 0.5 px of disparity: {:.2f} %, 1 px: {:.2f} %; on planes: "
+        "{:.3f} "
+        "px RMS\n",
+        regions->edge_band.psnr_db, regions->edge_band.ms_ssim, regions->thin.psnr_db,
+        regions->thin.ms_ssim, 100 * regions->bad_depths_half_px, 100 * regions->bad_depths_1_px,
+        regions->plane_rms_px);
+  }
   if (evaluation.views.size() > 1) {
     text += fmt::format(
         "PSNR: standard deviation {:.2f} dB, largest step between views of a shot {:.2f} dB\n",

@@ -13,6 +13,8 @@ namespace raystage::evaluation {
 struct GroundTruth {
   store::RgbImage image;
   std::vector<std::uint8_t> known;  ///< 1 per known pixel; empty: all are known
+  /// Planar depth of what each pixel's centre sees, metres, infinite for nothing; empty: unknown.
+  std::vector<float> z = {};
 };
 
 /// Returns a camera's frame resampled without lens distortion (`pinhole`: its undistorted()), by

@@ -4,6 +4,7 @@
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
+#include <cassert>
 #include <span>
 
 #include "base/atomic_file.h"
@@ -11,6 +12,22 @@
 #include "images/png_file.h"
 
 namespace raystage::images {
+namespace {
+
+/// Encodes an image in memory first, because OpenImageIO ignores a full disk when it closes a file.
+void write_encoded(OIIO::ImageOutput& output, const OIIO::ImageSpec& spec, const void* values,
+                   const std::filesystem::path& file) {
+  OIIO::Filesystem::IOVecOutput encoded;
+  output.set_ioproxy(&encoded);
+  if (!output.open(file.string(), spec) || !output.write_image(spec.format, values) ||
+      !output.close()) {
+    throw Error::failed("the image cannot be encoded: " + output.geterror(), file.string(),
+                        "Check that the format allows the image size");
+  }
+  write_file_atomically(file, std::as_bytes(std::span(encoded.buffer())));
+}
+
+}  // namespace
 
 void write_image(const store::RgbImage& image, const std::filesystem::path& file) {
   // One writer for all commands: a snapshot of the viewer is the file that a preview would be.
@@ -24,16 +41,22 @@ void write_image(const store::RgbImage& image, const std::filesystem::path& file
   if (output->supports("ioproxy") == 0) {
     throw Error::bad_input("writing this image format is not supported", file.string(), "Use .png");
   }
-  // Encoded in memory first, because OpenImageIO ignores a full disk when it closes a file.
-  OIIO::Filesystem::IOVecOutput encoded;
-  output->set_ioproxy(&encoded);
-  const OIIO::ImageSpec spec(image.width, image.height, 3, OIIO::TypeDesc::UINT8);
-  if (!output->open(file.string(), spec) ||
-      !output->write_image(OIIO::TypeDesc::UINT8, image.values.data()) || !output->close()) {
-    throw Error::failed("the image cannot be encoded: " + output->geterror(), file.string(),
-                        "Check that the format allows the image size");
+  write_encoded(*output, {image.width, image.height, 3, OIIO::TypeDesc::UINT8}, image.values.data(),
+                file);
+}
+
+void write_depth_image(int width, int height, std::span<const float> z,
+                       const std::filesystem::path& file) {
+  assert(z.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  const auto output = OIIO::ImageOutput::create("openexr");
+  if (!output) {
+    throw Error::failed("OpenImageIO cannot write EXR files", file.string(),
+                        "Install OpenImageIO with OpenEXR");
   }
-  write_file_atomically(file, std::as_bytes(std::span(encoded.buffer())));
+  OIIO::ImageSpec spec(width, height, 1, OIIO::TypeDesc::FLOAT);
+  spec.channelnames = {"Z"};
+  spec.attribute("compression", "zip");
+  write_encoded(*output, spec, z.data(), file);
 }
 
 }  // namespace raystage::images

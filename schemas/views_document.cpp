@@ -19,6 +19,7 @@ constexpr Fields kViews(required("color_space", &ViewsDocument::color_space),
                         required("views", &ViewsDocument::views,
                                  list_with_ids(Fields(kGeometryFields, kRemoveGridPosition,
                                                       optional("file", &View::file, kPath),
+                                                      optional("depth", &View::depth_file, kPath),
                                                       defaulted("time_ns", &View::time_ns)))));
 
 }  // namespace

@@ -17,6 +17,8 @@ struct ViewsDocument {
     CameraGeometry geometry;  ///< geometry.id names the view
     std::string file;  ///< ground-truth image, relative to the document's folder; may be empty
     Nanoseconds time_ns = 0;  ///< since the take's epoch
+    /// EXR file of the true planar depths (Z, metres), relative likewise; may be empty.
+    std::string depth_file = {};
   };
   std::string color_space;
   std::vector<View> views;

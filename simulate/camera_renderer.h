@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -24,6 +25,11 @@ class PixelRays {
   bool has_ray(int column, int row) const;
   /// Returns the ray through position (x, y) of the pixel, each in [0, 1); the centre is 0.5.
   Ray ray(int column, int row, float x, float y) const;
+  /// Returns the part of a distance along the ray through a pixel's centre that is along the
+  /// optical axis.
+  float forward_share(int column, int row) const {
+    return 1 / std::sqrt(1 + ideal(column, row).squaredNorm());
+  }
   /// Returns the width of a pixel at a distance of 1 m, in metres.
   float footprint() const { return footprint_; }
 

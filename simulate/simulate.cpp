@@ -201,6 +201,17 @@ class Simulation {
     archive.close();
   }
 
+  /// Returns the planar depths of what the pixel centres see; infinite where that is nothing.
+  static std::vector<float> planar_depths(const LinearImage& image, const PixelRays& rays) {
+    std::vector<float> depths(image.centre.size());
+    for (std::size_t i = 0; i < depths.size(); ++i) {
+      const auto width = static_cast<std::size_t>(image.width);
+      depths[i] = image.centre[i].distance *
+                  rays.forward_share(static_cast<int>(i % width), static_cast<int>(i / width));
+    }
+    return depths;
+  }
+
   void write_truth_images(const std::filesystem::path& folder) {
     create_folder(folder / "truth");
     const auto render = [&](std::size_t index, const ParallelLoop& loop) {
@@ -212,6 +223,8 @@ class Simulation {
       worker.world.set_time(seconds_of(view.time_ns));
       worker.renderer.render_supersampled(worker.world, rays, options_.truth_samples, worker.image);
       images::write_image(develop(worker.image), folder / view.file);
+      images::write_depth_image(worker.image.width, worker.image.height,
+                                planar_depths(worker.image, rays), folder / view.depth_file);
       advance(truth_cost_);
     };
     raystage::parallel_for(std::size_t{0}, path_.views.views.size(), render);

@@ -6,6 +6,7 @@
 #include <tbb/task_arena.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -14,6 +15,7 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/options.h"
+#include "images/exr_reader.h"
 #include "images/image_reader.h"
 #include "schemas/shot_document.h"
 #include "schemas/views_document.h"
@@ -170,6 +172,11 @@ TEST_F(SmallTake, ViewsLieOnTheShot) {
     const store::RgbImage truth = images::ImageReader().read_rgb(take_folder() / view.file);
     EXPECT_EQ(truth.width, 48);
     EXPECT_EQ(truth.height, 36);
+    constexpr images::ExrChannel kZ[]{{"Z"}};
+    const images::ExrChannelData depths =
+        images::read_exr_channels(take_folder() / view.depth_file, kZ, "test");
+    ASSERT_EQ(depths.values.size(), 48U * 36);
+    EXPECT_GT(std::ranges::min(depths.values), 1);
   }
 }
 

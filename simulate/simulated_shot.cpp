@@ -66,6 +66,7 @@ schemas::ViewsDocument::View view_of(const SimulationOptions& s,
   pose.position = {position[0], position[1], position[2]};
   view.geometry.world_from_camera = rig::matrix_from_pose(pose);
   view.file = "truth/" + view.geometry.id + ".png";
+  view.depth_file = "truth/" + view.geometry.id + ".depth.exr";
   view.time_ns = time;
   return view;
 }

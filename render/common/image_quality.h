@@ -31,4 +31,13 @@ std::vector<std::uint8_t> coverage_mask(const RenderedView& view);
 ImageQuality compare_images(const store::RgbImage& image, const store::RgbImage& truth,
                             std::span<const std::uint8_t> covered);
 
+/// Returns the multi-scale structural similarity (Wang, Simoncelli, Bovik 2003) around the pixels
+/// of a mask, with the windows of compare_images(): five scales, each of half the size of the one
+/// before, weighted 0.0448, 0.2856, 0.3001, 0.2363 and 0.1333, in relation to each other where the
+/// images are smaller than 11 pixels at some. A smaller pixel is in the mask if one of its four is,
+/// and covered if all are. NaN without a covered pixel in the mask at some scale. Throws Error (bad
+/// input) if the sizes differ.
+double multi_scale_ssim(const store::RgbImage& image, const store::RgbImage& truth,
+                        std::span<const std::uint8_t> covered, std::span<const std::uint8_t> mask);
+
 }  // namespace raystage::render

@@ -56,6 +56,36 @@ TEST(ImageQuality, SsimOfAFlatPairIsItsClosedForm) {
               (2 * 100 * 140.0 + c1) / (100 * 100 + 140 * 140 + c1), 1e-9);
 }
 
+TEST(MultiScaleSsim, IsOneForEqualImagesAndFallsWithErrors) {
+  const store::RgbImage truth = gradient(200, 180, 0);
+  const std::vector<std::uint8_t> all(200 * 180, 1);
+  EXPECT_NEAR(multi_scale_ssim(truth, truth, all, all), 1, 1e-12);
+  store::RgbImage image = truth;
+  for (std::size_t i = 0; i < 100 * 200 * 3; i += 7) image.values[i] ^= 16U;
+  const double whole = multi_scale_ssim(image, truth, all, all);
+  EXPECT_LT(whole, 0.999);
+  EXPECT_GT(whole, 0.5);
+  // Errors far from the mask do not count, errors within do.
+  std::vector<std::uint8_t> below(all.size(), 0), above(all.size(), 0);
+  std::fill(below.end() - 200 * 4, below.end(), 1);
+  std::fill(above.begin(), above.begin() + 200 * 4, 1);
+  EXPECT_GT(multi_scale_ssim(image, truth, all, below), whole);
+  EXPECT_LT(multi_scale_ssim(image, truth, all, above), whole);
+  EXPECT_TRUE(
+      std::isnan(multi_scale_ssim(image, truth, all, std::vector<std::uint8_t>(all.size()))));
+  EXPECT_THROW(multi_scale_ssim(image, gradient(20, 16, 0), all, all), Error);
+}
+
+// One scale, flat images: the luminance term alone, as SSIM.
+TEST(MultiScaleSsim, OfASmallFlatPairIsItsClosedForm) {
+  const store::RgbImage a{20, 20, std::vector<std::uint8_t>(1200, 100)};
+  const store::RgbImage b{20, 20, std::vector<std::uint8_t>(1200, 140)};
+  const std::vector<std::uint8_t> all(400, 1);
+  const double c1 = 2.55 * 2.55;
+  EXPECT_NEAR(multi_scale_ssim(a, b, all, all),
+              (2 * 100 * 140.0 + c1) / (100 * 100 + 140 * 140 + c1), 1e-9);
+}
+
 TEST(ImageQuality, NothingCoveredIsNotANumber) {
   const store::RgbImage image = gradient(4, 4, 0);
   EXPECT_TRUE(std::isnan(compare_images(image, image, std::vector<std::uint8_t>(16, 0)).psnr_db));

@@ -60,7 +60,7 @@ TEST(TruthRegions, SlantedPlanesArePlanesAndSpheresAreNot) {
     for (int x = 0; x < kWidth; ++x) {
       slanted.push_back(static_cast<float>(kScale / (2 + 0.05 * x + 0.03 * y)));
       const double dx = x - 40, dy = y - 30;
-      sphere.push_back(static_cast<float>(kScale / (2 + std::sqrt(2500 - dx * dx - dy * dy) / 10)));
+      sphere.push_back(static_cast<float>(kScale / (2 + std::sqrt(2500 - dx * dx - dy * dy) / 20)));
     }
   }
   const auto planes = [](const std::vector<float>& z) {

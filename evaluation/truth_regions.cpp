@@ -15,7 +15,7 @@ constexpr double kEdge = 1;    // pixels of disparity between two surfaces
 constexpr int kBandWidth = 8;  // pixels
 constexpr int kThinWidth = 6, kThinMargin = 2;
 constexpr int kPlaneRadius = 2;
-constexpr double kPlaneResidual = 0.02;  // pixels of disparity
+constexpr double kPlaneResidual = 5e-4;  // pixels of disparity: that of a ball of 0.3 m is larger
 
 class Regions {
  public:

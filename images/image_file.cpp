@@ -56,6 +56,8 @@ void write_depth_image(int width, int height, std::span<const float> z,
   OIIO::ImageSpec spec(width, height, 1, OIIO::TypeDesc::FLOAT);
   spec.channelnames = {"Z"};
   spec.attribute("compression", "zip");
+  // Otherwise OpenImageIO states the current time, and equal depths would be different files.
+  spec.attribute("DateTime", "1970:01:01 00:00:00");
   write_encoded(*output, spec, z.data(), file);
 }
 

@@ -111,6 +111,7 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
   const json& mean = evaluation.at("mean");
   EXPECT_FALSE(mean.contains("id"));
   for (const auto& [field, value] : mean.items()) {
+    if (field == "regions") continue;  // an object
     SCOPED_TRACE(field);
     const double sum = views[0].at(field).get<double>() + views[1].at(field).get<double>();
     EXPECT_NEAR(value.get<double>(), sum / 2, 1e-6);

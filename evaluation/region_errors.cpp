@@ -58,7 +58,7 @@ RegionErrors region_errors(const ComparedView& view, const TrueDepths& truth,
     return z > 0 && std::isfinite(z) ? truth.disparity_scale / z : 0.0;
   };
   for (std::size_t i = 0; i < truth.z.size(); ++i) {
-    if (view.covered[i] == 0) continue;
+    if (view.covered[i] == 0 || !(truth.z[i] > 0)) continue;
     const double error = std::abs(disparity(view.z[i]) - disparity(truth.z[i]));
     ++counted;
     half += error > 0.5 ? 1 : 0;

@@ -20,8 +20,9 @@ struct PictureErrors {
 /// The errors of a view in the regions of its true depths.
 struct RegionErrors {
   PictureErrors edge_band, thin;
-  /// Shares of the covered pixels whose depth is wrong by more than half a pixel, and by more than
-  /// one pixel, of disparity between neighbouring cameras. NaN without a covered pixel.
+  /// Shares of the covered pixels of known depth whose depth is wrong by more than half a pixel,
+  /// and by more than one pixel, of disparity between neighbouring cameras. NaN without a covered
+  /// pixel.
   double bad_depths_half_px = 0, bad_depths_1_px = 0;
   double plane_rms_px = 0;  ///< root mean square of that error where the truth is a plane
 };

@@ -72,6 +72,26 @@ TEST(TruthRegions, SlantedPlanesArePlanesAndSpheresAreNot) {
   EXPECT_EQ(planes(nothing), 0);
 }
 
+// A mirror has no single depth: it has no edge, is no plane, and its depths are not wrong.
+TEST(TruthRegions, UnknownDepthsBelongToNone) {
+  std::vector<float> z(kWidth * kHeight, 10);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 40; x < 44; ++x) z[at(x, y)] = 0;
+  }
+  const TrueDepths truth{kWidth, kHeight, z, kScale};
+  const TruthRegions regions = truth_regions(truth);
+  EXPECT_EQ(std::ranges::count(regions.edge_band, 1), 0);
+  EXPECT_EQ(std::ranges::count(regions.thin, 1), 0);
+  EXPECT_EQ(regions.plane[at(39, 30)], 0);
+  EXPECT_EQ(regions.plane[at(30, 30)], 1);
+  const store::RgbImage image{kWidth, kHeight,
+                              std::vector<std::uint8_t>(3 * kWidth * kHeight, 100)};
+  std::vector<float> found = z;
+  for (float& depth : found) depth = depth == 0 ? 2 : depth;
+  const std::vector<std::uint8_t> covered(z.size(), 1);
+  EXPECT_EQ(region_errors({image, image, covered, found}, truth, regions).bad_depths_half_px, 0);
+}
+
 TEST(RegionErrors, AreThoseOfTheirPixels) {
   const std::vector<float> z = step();
   const TrueDepths truth{kWidth, kHeight, z, kScale};

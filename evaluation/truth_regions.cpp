@@ -22,7 +22,7 @@ class Regions {
   explicit Regions(const TrueDepths& truth) : width_(truth.width), height_(truth.height) {
     disparity_.reserve(truth.z.size());
     for (const float z : truth.z) {
-      disparity_.push_back(z > 0 && std::isfinite(z) ? truth.disparity_scale / z : 0);
+      disparity_.push_back(z > 0 ? truth.disparity_scale / z : kUnknown);
     }
   }
 
@@ -37,6 +37,8 @@ class Regions {
   }
   bool is_inside(int x, int y) const { return x >= 0 && y >= 0 && x < width_ && y < height_; }
 
+  bool is_known(int x, int y) const { return is_inside(x, y) && disparity_[at(x, y)] != kUnknown; }
+
   template <class Test>
   Mask mask_of(const Test& test) const {
     Mask mask(disparity_.size(), 0);
@@ -50,7 +52,7 @@ class Regions {
     return mask_of([&](int x, int y) {
       const double here = disparity_[at(x, y)];
       const auto differs = [&](int other_x, int other_y) {
-        return is_inside(other_x, other_y) &&
+        return is_known(other_x, other_y) && is_known(x, y) &&
                std::abs(disparity_[at(other_x, other_y)] - here) > kEdge;
       };
       return differs(x + 1, y) || differs(x - 1, y) || differs(x, y + 1) || differs(x, y - 1);
@@ -64,15 +66,15 @@ class Regions {
       // Returns after how many pixels what is seen is farther; beyond kThinWidth: not near.
       const auto steps = [&](int dx, int dy) {
         int i = 1;
-        while (i <= kThinWidth && is_inside(x + i * dx, y + i * dy) &&
+        while (i <= kThinWidth && is_known(x + i * dx, y + i * dy) &&
                disparity_[at(x + i * dx, y + i * dy)] > here - kEdge) {
           ++i;
         }
-        return is_inside(x + i * dx, y + i * dy) ? i : kThinWidth + 1;
+        return is_known(x + i * dx, y + i * dy) ? i : kThinWidth + 1;
       };
-      return std::ranges::any_of(kDirections, [&](const std::array<int, 2>& d) {
-        return steps(d[0], d[1]) + steps(-d[0], -d[1]) - 1 <= kThinWidth;
-      });
+      return is_known(x, y) && std::ranges::any_of(kDirections, [&](const std::array<int, 2>& d) {
+               return steps(d[0], d[1]) + steps(-d[0], -d[1]) - 1 <= kThinWidth;
+             });
     });
   }
 
@@ -86,6 +88,11 @@ class Regions {
       if (!is_inside(x - kPlaneRadius, y - kPlaneRadius) ||
           !is_inside(x + kPlaneRadius, y + kPlaneRadius) || !(disparity_[at(x, y)] > 0)) {
         return false;
+      }
+      for (int j = -kPlaneRadius; j <= kPlaneRadius; ++j) {
+        for (int i = -kPlaneRadius; i <= kPlaneRadius; ++i) {
+          if (!is_known(x + i, y + j)) return false;
+        }
       }
       double mean = 0, slope_x = 0, slope_y = 0;
       for (int j = -kPlaneRadius; j <= kPlaneRadius; ++j) {
@@ -122,6 +129,7 @@ class Regions {
   }
 
   int width_, height_;
+  static constexpr double kUnknown = -1;
   std::vector<double> disparity_;  // pixels between neighbouring cameras; 0: infinitely far
 };
 

@@ -10,7 +10,8 @@ namespace raystage::evaluation {
 /// The depths of a view, by which its pixels are divided into regions.
 struct TrueDepths {
   int width = 0, height = 0;
-  std::span<const float> z;  ///< planar, metres, row by row; infinite: nothing is seen
+  /// Planar, metres, row by row. Infinite: nothing is seen; 0: unknown, as of mirrors.
+  std::span<const float> z;
   /// By how many pixels a point moves between neighbouring cameras, times its depth: focal length
   /// in pixels of the view times their distance, metres.
   double disparity_scale = 0;

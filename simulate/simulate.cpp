@@ -201,12 +201,15 @@ class Simulation {
     archive.close();
   }
 
-  /// Returns the planar depths of what the pixel centres see; infinite where that is nothing.
+  /// Returns the planar depths of what the pixel centres see; infinite where that is nothing, and 0
+  /// for a mirror, which shows things at other depths than its own.
   static std::vector<float> planar_depths(const LinearImage& image, const PixelRays& rays) {
     std::vector<float> depths(image.centre.size());
     for (std::size_t i = 0; i < depths.size(); ++i) {
       const auto width = static_cast<std::size_t>(image.width);
-      depths[i] = image.centre[i].distance *
+      const LightSample& seen = image.centre[i];
+      if (seen.reflected_part >= 0) continue;
+      depths[i] = seen.distance *
                   rays.forward_share(static_cast<int>(i % width), static_cast<int>(i / width));
     }
     return depths;

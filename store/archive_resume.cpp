@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "base/atomic_file.h"
@@ -42,6 +43,18 @@ void check_header(Bytes file, const matroska::Header& header, const Description&
   throw damaged_header(path);
 }
 
+/// Throws Error (bad input) unless a frame that was found without its record is in a cluster as
+/// ArchiveWriter writes it: records and cues can describe no other.
+void require_own_cluster(Bytes archive, const FrameRecord& frame,
+                         const std::filesystem::path& path) {
+  const auto offset = static_cast<std::size_t>(frame.offset);  // after the header: see has_space
+  const auto own = matroska::parse_cluster(archive, offset - matroska::kClusterHeaderBytes);
+  if (own && own->time == frame.time_ns && own->offset == offset && own->size == frame.size) return;
+  throw Error::bad_input("a frame without a record is not stored as Raystage stores frames",
+                         path.string() + " @" + std::to_string(offset),
+                         "Run `raystage repair` on the take");
+}
+
 struct Found {
   ArchiveIndex index;
   std::vector<std::byte> journal;  ///< its expected bytes
@@ -67,6 +80,7 @@ Found examine(Bytes archive, std::optional<Bytes> journal_bytes,
   add(journal::encode_header(description));
   for (FrameRecord& record : found.index.records) {
     if (record.status == FrameStatus::kStored && record.xxh3 == 0) {
+      require_own_cluster(archive, record, archive_path);
       record.xxh3 = XXH3_64bits(archive.data() + record.offset, record.size);
     }
     add(journal::encode_record(record));

@@ -357,6 +357,41 @@ TEST_F(Resume, RefusesWhatIsNotItsOwn) {
   EXPECT_EQ(bytes_of(journal), lines);
 }
 
+// A frame in a cluster with a shorter header is readable, but no record can be behind it: its
+// journal would be damaged.
+TEST_F(Resume, RefusesFramesInClustersOfOtherForm) {
+  Bytes file, lines;
+  {
+    ArchiveWriter out = writer();
+    for (std::size_t i = 0; i < 2; ++i) out.append(jpeg(i), time(i), origin(i));
+    file = bytes_of(mkv);
+    lines = bytes_of(journal);
+  }
+  // Cluster and time in as many bytes as ours, the block's size in one byte instead of eight.
+  const Bytes bytes = jpeg(2);
+  ASSERT_LT(bytes.size() + 4, 127U);
+  const auto header = matroska::make_cluster_header(time(2), bytes.size() - 7);
+  const auto block = std::ranges::find(header.rbegin(), header.rend(), std::byte{0xA3}).base();
+  file.insert(file.end(), header.begin(), block);
+  file.push_back(static_cast<std::byte>(0x80 + bytes.size() + 4));
+  for (const int byte : {0x81, 0, 0, 0x80}) file.push_back(static_cast<std::byte>(byte));
+  file.insert(file.end(), bytes.begin(), bytes.end());
+  testing::overwrite(mkv, file);
+  testing::overwrite(journal, lines);
+  ASSERT_EQ(reader().frames().size(), 3U);
+  EXPECT_EQ(reader().frames()[2].time_ns, time(2));
+  try {
+    resume();
+    ADD_FAILURE() << "it went on";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_THAT(error.what(), HasSubstr("not stored as Raystage stores frames"));
+    EXPECT_THAT(error.what(), HasSubstr("raystage repair"));
+  }
+  EXPECT_EQ(bytes_of(mkv), file);
+  EXPECT_EQ(bytes_of(journal), lines);
+}
+
 TEST_F(Resume, FlushFromAnotherThread) {
   ArchiveWriter out = writer();
   std::atomic<bool> done = false;

@@ -71,7 +71,7 @@ TEST_F(PlanCommand, CheckWritesReportAndNearestPath) {
 }
 
 TEST_F(PlanCommand, CheckComparesWithAMotionRigAndABench) {
-  EXPECT_THAT(check().output, HasSubstr("Accuracy, time and memory are not measured"));
+  EXPECT_THAT(check().output, HasSubstr("Accuracy and time are not measured"));
   EXPECT_THAT(check("--milo").output, HasSubstr("The motion control rig could follow it."));
   const testing::CommandResult slow = check("--milo --rig-track-speed 0.1 --rig-reach 0.5");
   EXPECT_EQ(slow.exit_code, 0);

@@ -43,8 +43,9 @@ void declare(CommandLine& command, Options& options, char** argv) {
                  "frames to derive data for, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames "
                  "outside\nthe shot are ignored (default: all of the shot)");
   command.option("--instants LAYER:TICK,...", options.instants,
-                 "restrict to these ticks of layers, both counted from 0, as --list prints them, "
-                 "e.g.\n0:12,0:13,2:5 (default: all ticks of the frames)");
+                 "restrict to these instants of layers, both counted from 0, as --list prints "
+                 "them, e.g.\n0:12,0:13,2:5: ticks, and beyond these exact times (default: all of "
+                 "the frames)");
   add_missing_option(command, options.missing);
   add_relative_to_option(command, options.relative_to);
   add_cache_option(command, options.cache_folder);

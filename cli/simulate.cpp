@@ -4,6 +4,9 @@
 
 #include <fmt/format.h>
 
+#include <vector>
+
+#include "base/error.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
@@ -20,6 +23,7 @@ struct Options {
   simulate::SimulationOptions settings;
   std::string output, calibration = "true", chroma = "444";
   double spacing_mm = 60, mounting_mm = 3, jitter_ms = 0.2, clock_offset_ms = 5;
+  std::vector<double> spheres;  ///< x, y, z and radius of each
   int threads = 0;
   bool no_restart_markers = false, quiet = false;
 };
@@ -104,11 +108,26 @@ void add_picture_options(CommandLine command, Options& o) {
                  "Height of a view, pixels, at most 16384; 0 = as the cameras");
   command.option("--truth-samples", s.truth_samples,
                  "Samples per pixel of a view: 1, 4, 9, 16, ... 256");
+  command
+      .option("--truth-spheres X,Y,Z,RADIUS", o.spheres,
+              "Adds unlit balls to the views, not to the cameras' frames, to measure composites: "
+              "four numbers for each, world, metres")
+      .comma_separated();
+  command.option("--truth-shutter-deg", s.truth_shutter_deg,
+                 "Shutter angle of the views and of the camera of shot.json, degrees, 0-360; the "
+                 "exposures of the array's cameras are instants");
   command.option("--shot-frames", s.shot_frames, "Frames of shot.json, 1-1000000");
 }
 
 ExitCode run(Options& o, std::stop_token stop) {
   simulate::SimulationOptions& s = o.settings;
+  if (o.spheres.size() % 4 != 0) {
+    throw Error::bad_input(fmt::format("found {} numbers for spheres", o.spheres.size()),
+                           "--truth-spheres", "Give four for each: x, y, z and the radius");
+  }
+  for (std::size_t i = 0; i < o.spheres.size(); i += 4) {
+    s.truth_spheres.push_back({o.spheres[i], o.spheres[i + 1], o.spheres[i + 2], o.spheres[i + 3]});
+  }
   s.spacing = o.spacing_mm / 1000;
   s.mounting_error = o.mounting_mm / 1000;
   s.jitter = o.jitter_ms / 1000;

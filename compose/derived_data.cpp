@@ -53,12 +53,11 @@ bool is_used(const ShotPlan& plan, std::size_t layer, int frame) {
 /// Returns the shown tick, and the adjacent ones if the method reads them.
 std::vector<int> ticks_read(const LightFieldLayer& light_field, int shown) {
   if (!light_field.reads_adjacent_frames()) return {shown};
-  const auto& ticks = light_field.timeline().ticks;
-  std::vector<int> read;
-  for (const int tick : {shown - 1, shown, shown + 1}) {
-    const auto i = static_cast<std::size_t>(tick);
-    if (tick >= 0 && i < ticks.size() && ticks[i].present() > 0) read.push_back(tick);
+  std::vector<int> read{shown};
+  for (const int tick : light_field.adjacent_ticks(shown)) {
+    if (light_field.frames_of(tick).present() > 0) read.push_back(tick);
   }
+  std::ranges::sort(read);
   return read;
 }
 
@@ -68,16 +67,23 @@ std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
   std::vector<DerivedFrameData> needed;
   std::map<LayerTick, std::size_t> known;
   const std::vector<const LightFieldLayer*> light_fields = plan.light_fields();
-  for (const PlannedFrame& frame : frames) {
+  const auto add = [&](const PlannedFrame& frame) {
     for (const LightFieldLayer* light_field : light_fields) {
       const std::size_t layer = light_field->index();
       if (!frame.shown[layer].tick || !is_used(plan, layer, frame.frame)) continue;
       for (const int tick : ticks_read(*light_field, *frame.shown[layer].tick)) {
         const auto [at, is_new] = known.try_emplace({layer, tick}, needed.size());
         if (is_new) needed.push_back({layer, tick, {}, false, {}});
-        needed[at->second].frames.push_back(frame.frame);
+        std::vector<int>& of_instant = needed[at->second].frames;
+        if (of_instant.empty() || of_instant.back() != frame.frame) {
+          of_instant.push_back(frame.frame);
+        }
       }
     }
+  };
+  for (const PlannedFrame& frame : frames) {
+    add(frame);
+    for (const PlannedFrame& sample : plan.exposure_of(frame)) add(sample);
   }
   return needed;
 }
@@ -96,9 +102,8 @@ std::unique_ptr<const render::LightFieldRenderer> renderer_of(const ShotPlan& pl
                                                             settings);
 }
 
-const store::FrameSelection& frames_at(const ShotPlan& plan, const DerivedFrameData& instant) {
-  const auto& ticks = plan.light_field(instant.layer)->timeline().ticks;
-  return ticks[instant.tick];
+store::FrameSelection frames_at(const ShotPlan& plan, const DerivedFrameData& instant) {
+  return plan.light_field(instant.layer)->frames_of(instant.tick);
 }
 
 void name_files(const ShotPlan& plan, std::vector<DerivedFrameData>& instants) {

@@ -22,7 +22,7 @@ namespace raystage::compose {
 /// Data that a method derives once from a light field frame and stores: camera depths.
 struct DerivedFrameData {
   std::size_t layer = 0;       ///< index into the shot's layers
-  int tick = 0;                ///< index into the timeline of the layer's take
+  int tick = 0;                ///< as ShownTick::tick: beyond the timeline for exact times
   std::filesystem::path file;  ///< where the data is stored
   bool is_stored = false;      ///< the file exists
   std::vector<int> frames;     ///< of the shot that need it, sorted
@@ -31,7 +31,7 @@ struct DerivedFrameData {
 /// Identifies a light field frame of a shot.
 struct LayerTick {
   std::size_t layer = 0;  ///< index into the shot's layers
-  int tick = 0;           ///< index into the timeline of the layer's take
+  int tick = 0;           ///< as ShownTick::tick: beyond the timeline for exact times
   std::strong_ordering operator<=>(const LayerTick&) const = default;
 };
 

@@ -21,6 +21,7 @@
 #include "compose/geometry/shadow_catcher.h"
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/merge.h"
+#include "compose/layers/motion_vectors.h"
 #include "compose/layers/volume_blending.h"
 
 namespace raystage::compose {
@@ -57,13 +58,14 @@ LayerView FrameCompositor::layer_view(std::size_t layer, const PlannedFrame& fra
           has_meshes ? geometry.mesh_indices[layer] : -1,
           object_ids,
           frame.preview,
-          geometry.record ? &geometry.record->rotten_cameras : nullptr};
+          geometry.record ? &geometry.record->rotten_cameras : nullptr,
+          frame.offset};
 }
 
 FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame& frame,
                                                              const ExrCamera& camera) const {
   Geometry geometry{{}, {}, std::make_shared<SharedRecord>()};
-  geometry.scene = plan_.geometry_at(frame.frame, geometry.mesh_indices);
+  geometry.scene = plan_.geometry_at(frame, geometry.mesh_indices);
   bool is_needed = false;
   for (std::size_t i = 0; i < plan_.layers() && !is_needed; ++i) {
     const bool is_mesh = geometry.mesh_indices[i] >= 0;
@@ -161,6 +163,9 @@ LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& 
   }
   if (plan_.layer(layer)->is_in_scene_space()) convert_to_working_space(image);
   uncovered_share = uncovered_share_of_layer(layer, image);
+  if (camera.adjacent && plan_.light_field(layer) != nullptr && document.volume.empty()) {
+    tbb::this_task_arena::isolate([&] { add_camera_motion(camera.view, *camera.adjacent, image); });
+  }
   remove_unrequested_aovs(image);
   if (document.shadows && frame.shown[layer].tick) {
     const ShadowCatcher catcher{document.shadows->strength, document.shadows->occlusion_distance_m,
@@ -217,6 +222,20 @@ LayerImage FrameCompositor::render_volume(std::size_t foremost, std::size_t coun
 
 CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCamera& camera,
                                           const std::stop_token& stop, DeepImage* deep) const {
+  CompositedView view = merged_view(frame, camera, stop, deep);
+  const Stopwatch finishing;
+  finish(view.picture, deep);
+  view.times.merge_ms += finishing.ms();
+  return view;
+}
+
+void FrameCompositor::finish(LayerImage& image, DeepImage* deep) const {
+  convert_to_output_space(image, deep);
+  add_missing_aovs(image);
+}
+
+CompositedView FrameCompositor::merged_view(const PlannedFrame& frame, const ExrCamera& camera,
+                                            const std::stop_token& stop, DeepImage* deep) const {
   const Stopwatch total;
   CompositingTimes times;
   std::vector<double> uncovered_share(plan_.layers(), 0.0);
@@ -244,6 +263,10 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     LayerImage image = is_volume ? render_volume(foremost, of_picture, frame, camera, geometry)
                                  : render_layer(i, frame, camera, geometry, uncovered_share[i]);
     if (is_volume) uncovered_share[i] = uncovered_share_of_layer(i, image);
+    if (is_volume && camera.adjacent) {
+      tbb::this_task_arena::isolate(
+          [&] { add_camera_motion(camera.view, *camera.adjacent, image); });
+    }
     const LayerStage stage = is_volume ? LayerStage::kLightFields : opened->stage();
     times.add(stage, layer_time.ms());
     if (stage == LayerStage::kGeometry) geometry_layers_ms += layer_time.ms();
@@ -285,8 +308,6 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     });
   }
   result.statistics = statistics;
-  convert_to_output_space(result, deep);
-  add_missing_aovs(result);
   times.merge_ms = total.ms() - times.light_fields_ms - times.geometry_ms;
   return {std::move(result), times, std::move(uncovered_share),
           geometry.record->rotten_cameras.ids()};
@@ -345,6 +366,10 @@ void FrameCompositor::add_missing_aovs(LayerImage& image) const {
     want("N", {"X", "Y", "Z"});
     want("albedo", {"R", "G", "B"}, true);
   }
+  const auto moves = [](const schemas::ShotDocument::Layer& layer) {
+    return layer.geometry.has_value() || layer.is_light_field();
+  };
+  if (std::ranges::any_of(layers, moves)) want("motion", {"X", "Y", "Z", "W"});
   if (std::ranges::any_of(layers, &schemas::ShotDocument::Layer::is_light_field)) {
     want("lf", {"coverage"});
     want("lf", {"confidence"});

@@ -21,6 +21,11 @@ struct CompositingTimes {
   double light_fields_ms = 0;  ///< also as lights of the geometry
   double geometry_ms = 0;      ///< also its shadows on light fields
   double merge_ms = 0;         ///< and everything else: plates, clips, colours
+  void add(const CompositingTimes& other) {
+    light_fields_ms += other.light_fields_ms;
+    geometry_ms += other.geometry_ms;
+    merge_ms += other.merge_ms;
+  }
   /// Adds the time of a layer; merge_ms is the rest of the total.
   void add(LayerStage stage, double ms) {
     if (stage == LayerStage::kLightFields) light_fields_ms += ms;
@@ -47,6 +52,10 @@ class FrameCompositor {
   /// remaining layers are skipped. `deep`: if not null, receives the samples of the view.
   CompositedView composite(const PlannedFrame& frame, const ExrCamera& camera,
                            const std::stop_token& stop, DeepImage* deep = nullptr) const;
+  /// Returns a view of the shot's camera, averaged over the frame's exposure (ExposureAverage); it
+  /// ends early where more times change nothing. `deep` receives the samples of its middle.
+  CompositedView composite_exposure(const PlannedFrame& frame, Eye eye, const std::stop_token& stop,
+                                    DeepImage* deep = nullptr) const;
 
   /// Requests the source frames of a frame from the disk.
   void read_ahead(const PlannedFrame& frame) const;
@@ -71,6 +80,11 @@ class FrameCompositor {
     std::vector<int> mesh_indices;
     std::shared_ptr<SharedRecord> record;
   };
+  /// Returns a view in the working space, without the AOVs that no layer has.
+  CompositedView merged_view(const PlannedFrame& frame, const ExrCamera& camera,
+                             const std::stop_token& stop, DeepImage* deep) const;
+  /// Converts a merged view to that of files.
+  void finish(LayerImage& image, DeepImage* deep) const;
   /// Returns an empty geometry if no mesh is in view and none casts shadows on a light field.
   Geometry geometry_in_frame(const PlannedFrame& frame, const ExrCamera& camera) const;
   LayerView layer_view(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,

@@ -202,9 +202,10 @@ std::unique_ptr<const LayerRenderer> PlateLayer::make_renderer(
   return std::make_unique<const Renderer>(*this);
 }
 
-void PlateLayer::add_to_fingerprint(Fingerprint& print, int frame,
+void PlateLayer::add_to_fingerprint(Fingerprint& print, double frame,
                                     const ShownTick& /*shown*/) const {
-  print.text("plate", read_file(file(frame))).text("space", document_.space);
+  print.text("plate", read_file(file(static_cast<int>(std::lround(frame)))))
+      .text("space", document_.space);
   print.number("depth", document_.depth_m.value_or(0));
 }
 

@@ -35,7 +35,7 @@ class PlateLayer final : public Layer {
   LayerImage image(int frame, int overscan_x, int overscan_y) const;
 
   void check_frame(const LayerFrameCheck& check) const override;
-  void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
+  void add_to_fingerprint(Fingerprint& print, double frame, const ShownTick& shown) const override;
   std::optional<std::filesystem::path> input_file(int frame) const override { return file(frame); }
   bool is_in_scene_space() const override { return true; }
   std::unique_ptr<const LayerRenderer> make_renderer(

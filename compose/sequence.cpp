@@ -157,8 +157,8 @@ class SequenceRun {
     std::vector<ExrCamera> cameras;
     for (const Eye eye : eyes) {
       cameras.push_back(plan_.exr_camera(frame.frame, eye));
-      painted.push_back(compositor_.composite(frame, cameras.back(), stop_,
-                                              options_.deep ? &deep[painted.size()] : nullptr));
+      painted.push_back(compositor_.composite_exposure(
+          frame, eye, stop_, options_.deep ? &deep[painted.size()] : nullptr));
       if (stop_.stop_requested()) return;
     }
     // After the loop, because views keep references to elements of `painted`.

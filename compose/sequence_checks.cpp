@@ -196,6 +196,10 @@ void check_equirectangular_view(const ShotPlan& plan, const std::filesystem::pat
                              layer, "Gather the archives in one take");
     }
   }
+  if (plan.writes_aov("motion")) {
+    throw Error::bad_input("equirectangular views have no motion vectors", shot_file.string(),
+                           "Remove motion from output.aovs");
+  }
   if (plan.writes_aov("lf.confidence")) {
     throw Error::bad_input("lf.confidence is not measured for equirectangular views",
                            shot_file.string(), "Remove lf.confidence from output.aovs")

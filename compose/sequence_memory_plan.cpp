@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/resources.h"
 #include "compose/geometry/gathered_light.h"
+#include "compose/layers/exposure.h"
 #include "render/memory_budgets.h"
 
 namespace raystage::compose {
@@ -32,7 +33,7 @@ constexpr std::size_t kMeasuresBytesPerPixel = 16, kConfidenceBytesPerPixel = 8;
 constexpr std::size_t kLayerBytesPerPixel = 28;
 
 /// Bytes of AOVs in the merged image with EXR samples, for each byte in a layer's image.
-constexpr std::size_t kMergedAovFactor = 2;
+constexpr std::size_t kMergedAovFactor = 2, kMotionBytesPerPixel = 16;
 
 /// Six ids and shares: of a layer, and of the merged image with its channels and EXR samples.
 constexpr std::size_t kIdBytesPerPixel = 48, kIdBytesPerPixelMerged = 144;
@@ -71,9 +72,9 @@ std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> f
                                     kRaysPerColumn * static_cast<std::size_t>(camera.view.width));
           continue;
         }
-        most = std::max(most,
-                        renderer.view_bytes(camera.view, light_field->tick(frame.shown[i]),
-                                            light_field->reconstruction_for(camera, frame.frame)));
+        most = std::max(
+            most, renderer.view_bytes(camera.view, light_field->frames_of(*frame.shown[i].tick),
+                                      light_field->reconstruction_for(camera, frame.frame)));
       }
     }
   }
@@ -103,10 +104,24 @@ std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> fram
       (request.deep ? kDeepBytesPerPixel + plan.layers() * kDeepBytesPerSample : 0) +
       (plan.measures_coverage() ? kMeasuresBytesPerPixel : 0) +
       (plan.writes_aov("lf.confidence") ? kConfidenceBytesPerPixel : 0) +
-      (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) + aov_bytes_per_pixel(plan);
+      (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) + aov_bytes_per_pixel(plan) +
+      (plan.writes_aov("motion") ? (plan.layers() + kMergedAovFactor) * kMotionBytesPerPixel : 0);
   std::size_t of_layers = 0;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.layer(i) != nullptr) of_layers += plan.layer(i)->frame_bytes();
+  }
+  // One view at a time: its averages, and the picture of the middle.
+  const bool is_blurred = std::ranges::any_of(
+      frames, [](const PlannedFrame& frame) { return !frame.exposure.empty(); });
+  if (is_blurred) {
+    constexpr std::size_t kAveragedAovChannels = 4;  // albedo and coverage
+    of_layers +=
+        pixels_of(plan.shot()) *
+        (ExposureAverage::bytes_per_pixel(kAveragedAovChannels, plan.shot().output.cryptomatte) +
+         kViewBytesPerPixel + aov_bytes_per_pixel(plan) +
+         (plan.measures_coverage() ? kMeasuresBytesPerPixel : 0) +
+         (plan.writes_aov("lf.confidence") ? kConfidenceBytesPerPixel : 0) +
+         (plan.writes_aov("motion") ? kMotionBytesPerPixel : 0));
   }
   return of_layers +
          plan.eyes().size() * (pixels_of(plan.shot()) * per_pixel + max_view_bytes(plan, frames));
@@ -121,6 +136,9 @@ std::size_t decoded_bytes(const ShotPlan& plan, std::span<const PlannedFrame> fr
     for (const PlannedFrame& frame : frames) {
       const ShownTick& shown = frame.shown[light_field->index()];
       if (shown.tick) ticks.insert(*shown.tick);
+      for (const PlannedFrame& sample : plan.exposure_of(frame)) {
+        if (const auto& tick = sample.shown[light_field->index()].tick) ticks.insert(*tick);
+      }
     }
     bytes += std::min(frames_in_flight, ticks.size()) * light_field->decoded_frame_bytes();
   }
@@ -175,6 +193,7 @@ std::size_t uncompressed_file_bytes(const ShotPlan& plan, bool deep) {
   for (const char* aov : {"lf.coverage", "lf.confidence", "lf.cameras", "lf.nearest"}) {
     add(has_light_field, aov, kFloat);
   }
+  add(has_geometry || has_light_field, "motion", 4 * kFloat);
   add(has_geometry, "P", 3 * kFloat);
   add(has_geometry, "N", 3 * kHalf);
   add(has_geometry, "albedo", 3 * kHalf);

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/resources.h"
+#include "compose/exposure_plan.h"
 #include "compose/frame_range.h"
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/solid_layer.h"
@@ -217,16 +218,18 @@ std::unique_ptr<const Layer> ShotPlan::open_geometry(std::size_t layer) {
       fmt::format("{}#/layers/{}/geometry", shot_file_.string(), layer), *textures_);
 }
 
-GeometryScene ShotPlan::geometry_at(int frame, std::vector<int>& mesh_indices) const {
+GeometryScene ShotPlan::geometry_at(const PlannedFrame& frame,
+                                    std::vector<int>& mesh_indices) const {
   GeometryScene scene;
   scene.textures = textures_.get();
   scene.lights = lights_;
   mesh_indices.assign(layers(), -1);
   for (std::size_t i = 0; i < layers(); ++i) {
     const GeometryLayer* mesh = geometry(i);
-    if (mesh == nullptr || !is_visible(i, frame)) continue;
+    if (mesh == nullptr || !is_visible(i, frame.frame)) continue;
     mesh_indices[i] = static_cast<int>(scene.meshes.size());
-    scene.meshes.push_back(mesh->instance_at(frame));
+    scene.meshes.push_back(mesh->instance_at(frame.time()));
+    if (writes_aov("motion")) scene.meshes.back().motion = mesh->motion_at(frame.time());
   }
   return scene;
 }
@@ -297,7 +300,8 @@ bool ShotPlan::is_visible_in_any(std::size_t layer,
   return false;
 }
 
-std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFrames policy) const {
+std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFrames policy,
+                                         MotionBlur blur) const {
   std::vector<PlannedFrame> planned;
   for (const int frame : frames) planned.push_back({frame, std::vector<ShownTick>(layers())});
   for (const LightFieldLayer* take : light_fields()) {
@@ -317,7 +321,22 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
         "or black")
         .concerning({"missing"});
   }
+  if (blur == MotionBlur::kNone) return planned;
+  for (PlannedFrame& one : planned) one.exposure = exposure_offsets(*this, one.frame);
   return planned;
+}
+
+std::vector<PlannedFrame> ShotPlan::exposure_of(const PlannedFrame& frame) const {
+  std::vector<PlannedFrame> samples;
+  for (const double offset : frame.exposure) {
+    PlannedFrame sample{frame.frame, frame.shown, frame.preview, offset, {}};
+    for (const LightFieldLayer* take : light_fields()) {
+      ShownTick& shown = sample.shown[take->index()];
+      if (offset != 0) shown = take->shown_tick_in_exposure(frame.frame, offset, shown);
+    }
+    samples.push_back(std::move(sample));
+  }
+  return samples;
 }
 
 void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
@@ -328,11 +347,24 @@ void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
       if (!layers_[i]) continue;
       layers_[i]->check_frame({frame.frame, frame.shown[i], is_visible(i, frame.frame),
                                camera_has_focus, files_checked});
+      if (light_field(i) == nullptr) continue;
+      for (const PlannedFrame& sample : exposure_of(frame)) {
+        layers_[i]->check_frame({frame.frame, sample.shown[i], is_visible(i, frame.frame),
+                                 camera_has_focus, files_checked});
+      }
     }
   }
 }
 
-ExrCamera ShotPlan::exr_camera(int frame, Eye eye) const {
+ExrCamera ShotPlan::exr_camera(double frame, Eye eye) const {
+  ExrCamera camera = exr_camera_at(frame, eye);
+  if (writes_aov("motion")) {
+    camera.adjacent = {exr_camera_at(frame - 1, eye).view, exr_camera_at(frame + 1, eye).view};
+  }
+  return camera;
+}
+
+ExrCamera ShotPlan::exr_camera_at(double frame, Eye eye) const {
   const CameraState state = camera_.state(frame);
   ExrCamera camera;
   camera.view = camera_.camera(frame, eye);

@@ -27,14 +27,23 @@
 namespace raystage::compose {
 
 /// Raised whenever the same inputs give other pixels, so that existing files count as out of date.
-inline constexpr int kReconstructionVersion = 9;
+inline constexpr int kReconstructionVersion = 10;
 
-/// A frame of the shot with the instants that it shows.
+/// A frame of the shot, or a time within its exposure, with the instants that it shows.
 struct PlannedFrame {
   int frame = 0;
   std::vector<ShownTick> shown;  ///< for each layer; none for layers without a take
   PreviewOptions preview = {};
+  double offset = 0;  ///< within the exposure, frames from the frame
+  /// Of 2^n + 1 times from the opening of the shutter to its closing, frames from the frame; empty:
+  /// no motion blur.
+  std::vector<double> exposure = {};
+
+  double time() const { return frame + offset; }  ///< frames
 };
+
+/// Whether frames are averaged while the shutter is open.
+enum class MotionBlur { kOfShot, kNone };
 
 /// Settings that replace or extend those of the shot.
 struct ShotPlanOptions {
@@ -84,9 +93,9 @@ class ShotPlan {
   const GeometryLayer* geometry(std::size_t layer) const {
     return layers_[layer] ? layers_[layer]->as_geometry() : nullptr;
   }
-  /// Returns all meshes that are visible at a frame, and their lights. `mesh_indices`: receives for
-  /// each layer the index of its mesh in the result, or -1.
-  GeometryScene geometry_at(int frame, std::vector<int>& mesh_indices) const;
+  /// Returns all meshes that are visible at a frame, at its time, and their lights. `mesh_indices`:
+  /// receives for each layer the index of its mesh in the result, or -1.
+  GeometryScene geometry_at(const PlannedFrame& frame, std::vector<int>& mesh_indices) const;
   /// Returns the Cryptomatte names of a layer's objects, "LAYER/OBJECT" for meshes and "LAYER" for
   /// others; none unless requested.
   const std::vector<std::string>& object_names(std::size_t layer) const {
@@ -125,11 +134,14 @@ class ShotPlan {
   std::vector<Eye> eyes() const { return camera_.eyes(); }
   const ShotCamera& shot_camera() const { return camera_; }
   /// Returns the camera with overscan.
-  render::VirtualCamera camera(int frame, Eye eye) const { return exr_camera(frame, eye).view; }
+  render::VirtualCamera camera(double frame, Eye eye) const { return exr_camera(frame, eye).view; }
 
-  /// Returns the instants that the frames show. With kError throws Error (bad input), which lists
-  /// the frames for which a take has no instant.
-  std::vector<PlannedFrame> plan(std::span<const int> frames, MissingFrames policy) const;
+  /// Returns the instants that the frames show, also while the shutter is open. With kError throws
+  /// Error (bad input), which lists the frames for which a take has no instant.
+  std::vector<PlannedFrame> plan(std::span<const int> frames, MissingFrames policy,
+                                 MotionBlur blur = MotionBlur::kOfShot) const;
+  /// Returns the frame at the times of its exposure, from first to last.
+  std::vector<PlannedFrame> exposure_of(const PlannedFrame& frame) const;
 
   /// Throws Error (bad input) if a file that a layer reads for one of the frames is missing, or if
   /// the camera has no position.
@@ -142,10 +154,12 @@ class ShotPlan {
   std::string fingerprint(const PlannedFrame& frame, bool chromaticities) const;
   /// Returns the header of a frame. Take and method are those of the first visible light field.
   ExrMetadata metadata(const PlannedFrame& frame) const;
-  ExrCamera exr_camera(int frame, Eye eye) const;
+  ExrCamera exr_camera(double frame, Eye eye) const;  ///< with adjacent views for the AOV `motion`
 
  private:
   void find_light_field_lights();
+  void add_exposure_sample(const PlannedFrame& sample, Fingerprint& print) const;
+  ExrCamera exr_camera_at(double frame, Eye eye) const;
   bool is_shown(std::size_t layer, int frame) const;
   bool is_occluded_by_solid(std::size_t layer, int frame) const;
   void assign_object_names();

@@ -66,9 +66,30 @@ void add_camera(const ExrCamera& camera, Fingerprint& print) {
   for (const auto& value : {camera.focus_m, camera.f_number, camera.exposure_seconds}) {
     print.number("lens", value.value_or(-1));
   }
+  if (!camera.adjacent) return;
+  for (const render::VirtualCamera* other : {&camera.adjacent->before, &camera.adjacent->after}) {
+    for (const double value : other->pose.world_from_camera_rotation.reshaped()) {
+      print.number("adjacent", value);
+    }
+    for (const double value : other->pose.position) print.number("adjacent", value);
+    for (const double value :
+         {other->intrinsics.fx, other->intrinsics.fy, other->intrinsics.cx, other->intrinsics.cy}) {
+      print.number("adjacent", value);
+    }
+  }
 }
 
 }  // namespace
+
+void ShotPlan::add_exposure_sample(const PlannedFrame& sample, Fingerprint& print) const {
+  print.number("exposure", sample.offset);
+  for (const Eye eye : eyes()) add_camera(exr_camera(sample.time(), eye), print);
+  for (std::size_t i = 0; i < layers(); ++i) {
+    if (!is_needed(i, sample.frame) || !layers_[i]) continue;
+    if (light_field(i) == nullptr && geometry(i) == nullptr) continue;  // others stand still
+    layers_[i]->add_to_fingerprint(print, sample.time(), sample.shown[i]);
+  }
+}
 
 std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities) const {
   Fingerprint print = of_shot(shot_);
@@ -93,9 +114,17 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
     add_layer(shot_.layers[i], print);
     for (const std::string& name : object_names_[i]) print.text("object", name);
     if (layers_[i]) layers_[i]->add_to_fingerprint(print, frame.frame, frame.shown[i]);
+    if (writes_aov("motion") && geometry(i) != nullptr) {
+      for (const ObjectMotion& moved : geometry(i)->motion_at(frame.frame)) {
+        for (const Eigen::Affine3d* side : {&moved.before_from_now, &moved.after_from_now}) {
+          for (const double value : side->matrix().reshaped()) print.number("moved", value);
+        }
+      }
+    }
     shows_geometry = shows_geometry || geometry(i) != nullptr;
   }
   if (shows_geometry) print.text("lights", lights_fingerprint_);
+  for (const PlannedFrame& sample : exposure_of(frame)) add_exposure_sample(sample, print);
   return print.hex();
 }
 

@@ -162,14 +162,18 @@ void read_ahead(const store::Take& take, const std::vector<EvaluationCase>& subj
   for (const EvaluationCase& subject : subjects) {
     if (!seen.insert(subject.frames.time_ns).second) continue;
     for (int camera = 0; camera < take.camera_count(); ++camera) {
-      const int frame = subject.frames.frame[camera];
-      if (frame < 0 || std::ranges::find(excluded_cameras, camera) != excluded_cameras.end())
-        continue;
-      constexpr std::size_t kPage = 4096;
-      const auto jpeg = take.archive(camera).intact_jpeg(frame);
-      const std::span<const std::byte> bytes = jpeg ? jpeg->bytes() : std::span<const std::byte>();
-      for (std::size_t at = 0; at < bytes.size(); at += kPage) {
-        sum += static_cast<std::uint64_t>(bytes[at]);
+      if (std::ranges::find(excluded_cameras, camera) != excluded_cameras.end()) continue;
+      const bool is_interpolated = subject.frames.is_interpolated(static_cast<std::size_t>(camera));
+      for (const int frame : {subject.frames.frame[camera],
+                              is_interpolated ? subject.frames.second[camera].frame : -1}) {
+        if (frame < 0) continue;
+        constexpr std::size_t kPage = 4096;
+        const auto jpeg = take.archive(camera).intact_jpeg(frame);
+        const std::span<const std::byte> bytes =
+            jpeg ? jpeg->bytes() : std::span<const std::byte>();
+        for (std::size_t at = 0; at < bytes.size(); at += kPage) {
+          sum += static_cast<std::uint64_t>(bytes[at]);
+        }
       }
     }
   }
@@ -294,6 +298,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
   Evaluation evaluation;
   evaluation.take = take.document().name;
   evaluation.method = settings.method;
+  evaluation.exact_times = settings.exact_times;
   evaluation.options = options.values();
   evaluation.focal_depth = focal_depth_of(take, settings);
   const std::optional<store::Timeline> timeline = store::read_timeline_if_present(take);

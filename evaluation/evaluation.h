@@ -41,6 +41,9 @@ struct EvaluationOptions {
   std::vector<std::string> excluded_camera_ids;
   /// Every n-th row and column of the camera grid contributes, from the first on.
   int camera_step = 1;
+  /// Interpolates the pictures of the cameras at the time of each view, as `"time": "exact"` of a
+  /// shot's layer; needs a timeline.
+  bool exact_times = false;
   schemas::HoleFill fill = schemas::HoleFill::kNone;  ///< if not none, all pixels are measured
   int view_step = 1;  ///< every n-th view is rendered, from the first on
   /// Timed renderings of each view after the first, with decoded frames and a filled result cache.
@@ -82,6 +85,7 @@ struct Evaluation {
   std::string take, method;
   schemas::OptionValues options;  ///< all options of the method, default or given
   double focal_depth = 0;         ///< metres
+  bool exact_times = false;       ///< as EvaluationOptions
   int cameras = 0;                ///< that may contribute
   std::vector<ViewEvaluation> views;
   ViewEvaluation mean;  ///< over the views with covered pixels

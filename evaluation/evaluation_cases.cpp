@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "images/exr_reader.h"
 #include "images/image_reader.h"
+#include "store/exact_frames.h"
 #include "store/processing/frames/corrected_frame.h"
 
 namespace raystage::evaluation {
@@ -25,8 +26,9 @@ store::FrameSelection by_stamps(Nanoseconds time, const store::Take& take) {
 }
 
 store::FrameSelection instant_at(Nanoseconds time, const store::Take& take,
-                                 const store::Timeline* timeline) {
+                                 const store::Timeline* timeline, bool exact) {
   if (timeline == nullptr) return by_stamps(time, take);
+  if (exact) return store::frames_at_time(*timeline, time);
   const auto tick = store::nearest_tick(timeline->ticks, time);
   return tick ? timeline->ticks[*tick] : nothing_at(time, take);
 }
@@ -77,7 +79,7 @@ std::vector<float> depths_of(const std::filesystem::path& file, const store::Rgb
   return std::move(data.values);
 }
 
-void add_camera(int camera, const store::Take& take, const store::Timeline* timeline,
+void add_camera(int camera, const store::Take& take, const store::Timeline* timeline, bool exact,
                 std::vector<EvaluationCase>& subjects) {
   const rig::Rig::Camera& excluded = take.rig().cameras[camera];
   const std::size_t instants =
@@ -85,6 +87,11 @@ void add_camera(int camera, const store::Take& take, const store::Timeline* time
   // Without distortion, so that the fast renderers are evaluated.
   const render::VirtualCamera pinhole = render::undistorted(excluded.model, excluded.pose);
   for (auto& [number, frames] : instants_of(camera, take, timeline)) {
+    if (timeline != nullptr && exact) {
+      const int frame_of_camera = frames.frame[camera];
+      frames = store::frames_at_time(*timeline, frames.time_ns + frames.difference[camera]);
+      frames.frame[camera] = frame_of_camera;
+    }
     const std::string name =
         instants == 1 ? excluded.id : excluded.id + "_" + std::to_string(number);
     const int frame = frames.frame[camera];
@@ -111,11 +118,16 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                                                   const schemas::ViewsDocument& views,
                                                   const std::filesystem::path& views_folder,
                                                   const EvaluationOptions& options) {
+  if (options.exact_times && (timeline == nullptr || timeline->ticks.empty())) {
+    throw Error::bad_input("exact times need a timeline", take.folder().string(),
+                           "Run `raystage sync`")
+        .concerning({"exact_times"});
+  }
   std::vector<EvaluationCase> subjects;
   const auto reader = std::make_shared<const images::ImageReader>();
   for (const schemas::ViewsDocument::View& view : views.views) {
     subjects.push_back({view.geometry.id, render::virtual_camera_from_geometry(view.geometry),
-                        instant_at(view.time_ns, take, timeline),
+                        instant_at(view.time_ns, take, timeline, options.exact_times),
                         [reader, file = views_folder / view.file,
                          depth_file = view.depth_file.empty() ? std::filesystem::path()
                                                               : views_folder / view.depth_file] {
@@ -125,7 +137,7 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                         }});
   }
   for (const std::string& id : options.excluded_camera_ids) {
-    add_camera(camera_named(take, id), take, timeline, subjects);
+    add_camera(camera_named(take, id), take, timeline, options.exact_times, subjects);
   }
   std::vector<EvaluationCase> chosen;
   for (std::size_t i = 0; i < subjects.size(); i += static_cast<std::size_t>(options.view_step)) {

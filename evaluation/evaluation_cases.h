@@ -32,6 +32,8 @@ int camera_named(const store::Take& take, const std::string& id);
 /// select. A view then shows each camera's frame nearest to its time within
 /// default_frame_tolerance(). An excluded camera has a view per frame, named ID_FRAME.
 ///
+/// With exact times a view shows its own time, and a view of an excluded camera that of its frame.
+///
 /// The take must outlive the result. Throws Error (bad input): unknown camera, no view at all.
 std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                                                   const store::Timeline* timeline,

@@ -49,6 +49,7 @@ std::string evaluation_as_json(const Evaluation& evaluation) {
                                   {"method", evaluation.method},
                                   {"options", json_options(evaluation.options)},
                                   {"focal_depth_m", json_number(evaluation.focal_depth)},
+                                  {"exact_times", evaluation.exact_times},
                                   {"cameras", evaluation.cameras},
                                   {"notes", evaluation.notes},
                                   {"mean", as_json(evaluation.mean)}};

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "planning/complete_topology.h"
 #include "planning/coverage_views.h"
 #include "rig/planning/combined_arrays.h"
 
@@ -97,7 +98,10 @@ PlannedArray planned_array(const NamedRig& named) {
         (std::atan(largest[axis]) - std::atan(least[axis])) / kRadiansPerDegree;
   }
   rays.hull = inner_outline(std::move(rays.hull));
-  array.member = {std::move(rays), outer_outline(std::move(centres))};
+  array.member = {std::move(rays), {}, outer_outline(std::move(centres))};
+  if (!recorded->is_ideal) {
+    array.member.cells = rig::RecordedCells(named.rig, complete_topology(named.rig));
+  }
   return array;
 }
 
@@ -116,7 +120,6 @@ class CombinedPlanner {
     for (const NamedRig& named : rigs) {
       throw_if_stopped(stop, named.name);
       PlannedArray array = planned_array(named);
-      is_ideal_ = is_ideal_ && array.description.is_ideal;
       descriptions_.push_back(std::move(array.description));
       members.push_back(std::move(array.member));
     }
@@ -140,7 +143,6 @@ class CombinedPlanner {
     CoverageVolume volume;
     volume.view_fov_deg = fov_deg;
     volume.share = share;
-    volume.is_lower_bound = !is_ideal_;
     const auto has_share = [&](const Vector3d& position) {
       return !stop_.stop_requested() &&
              recorded_share(views, position, share) >= share - kShareRounding;
@@ -154,11 +156,10 @@ class CombinedPlanner {
           100 * share, 100 * recorded_share(views, Vector3d::Zero(), 0));
       return volume;
     }
-    constexpr int kMaxVertices = 4000;
     RadialSurface found = radial_surface(has_share, *centre,
                                          {.reach = reach(views),
                                           .tolerance = options_.tolerance_m,
-                                          .max_vertices = kMaxVertices,
+                                          .max_vertices = options_.max_vertices,
                                           .stop = stop_});
     Eigen::AlignedBox3d around;
     for (const Vector3d& vertex : found.surface.vertices) around.extend(vertex);
@@ -192,11 +193,11 @@ class CombinedPlanner {
 
   Views views_of(double fov_deg) const {
     if (options_.all_directions) return {};
-    const render::VirtualCamera view = coverage_view(fov_deg, options_.aspect);
+    const render::VirtualCamera view = coverage_view(options_, fov_deg);
     constexpr double kSmallestStep = 0.5;  // bounds the cost of narrow views
     const double step = std::clamp(fov_deg / 2, kSmallestStep, kLargestStep);
     return {rig::camera_slopes(view.intrinsics, view.width, view.height),
-            view_rotations(options_, step)};
+            view_rotations(options_, frame_.world_from_camera_rotation, step)};
   }
 
   /// Returns the least share of all orientations and eyes, or any share below `enough`.
@@ -272,7 +273,6 @@ class CombinedPlanner {
   std::optional<rig::CombinedArrays> arrays_;
   rig::Pose frame_;
   Eigen::AlignedBox3d box_;  // of the cameras, in the frame
-  bool is_ideal_ = true;
 };
 
 void check_options(const std::string& name, const CoverageOptions& options) {
@@ -338,9 +338,7 @@ CoveragePlan plan_combined_coverage(const std::string& name, std::span<const Nam
       plan.cameras.push_back(plan.array.camera_from_world(camera.pose.position));
     }
   }
-  constexpr double kAllAround = 360;
-  const std::vector<double> fovs =
-      options.all_directions ? std::vector{kAllAround} : options.view_fov_deg;
+  const std::vector<double> fovs = coverage_fovs(options);
   for (const double fov : fovs) {
     for (const double share : options.shares) {
       plan.volumes.push_back(planner.volume(fov, share));

@@ -17,11 +17,10 @@ namespace raystage::planning {
 std::vector<NamedRig> split_by_direction(const NamedRig& rig);
 
 /// Computes the positions from which the arrays together recorded the views (thesis 6.2): each ray
-/// counts if an array recorded it that is not hidden by another one. Arrays that are not ideal
-/// count with the rays of an ideal array inside of them. The frame of the plan is in the middle of
-/// all cameras, with the axes of the first array. Views that turn are tried at steps of half
-/// their field of view, 0.5 to 5 degrees. The range is measured around the position nearest to
-/// the middle that is found: of a grid that is twice as large as the arrays, and in the range of
+/// counts if an array recorded it that is not hidden by another one. The frame of the plan is in
+/// the middle of all cameras, with the axes of the first array. Views that turn are tried at steps
+/// of half their field of view, 0.5 to 5 degrees. The range is measured around the position nearest
+/// to the middle that is found: of a grid that is twice as large as the arrays, and in the range of
 /// each array. Throws Error (bad input) for invalid options, more than 64 arrays, and arrays whose
 /// cameras are on a line or see no directions in common; Error (failed) if stopped. `progress`:
 /// called with the share of the ranges that are done.

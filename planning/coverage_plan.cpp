@@ -26,8 +26,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kMaxVertices = 4000;  // of a surface that is measured
-
 /// The frame of any array: in the middle of its centres, its cameras look along -z.
 rig::Pose frame_of(const rig::Rig& rig, const rig::Topology& topology) {
   if (const auto ideal = rig::find_wall_eyed_array(rig)) return ideal->pose;
@@ -46,7 +44,7 @@ class CoveragePlanner {
       : rig_(rig), options_(options), ideal_(rig::find_wall_eyed_array(rig)) {
     topology_ = complete_topology(rig);
     array_ = frame_of(rig, topology_);
-    rotations_ = view_rotations(options);
+    rotations_ = view_rotations(options, array_.world_from_camera_rotation);
     const Vector3d ahead = -array_.world_from_camera_rotation.col(2);
     plane_ = std::isinf(options.focal_depth_m)
                  ? Eigen::Vector4d(0, 0, 0, 1)
@@ -60,7 +58,7 @@ class CoveragePlanner {
     CoverageVolume volume;
     volume.view_fov_deg = fov_deg;
     volume.share = share;
-    const render::VirtualCamera view = coverage_view(fov_deg, options_.aspect);
+    const render::VirtualCamera view = coverage_view(options_, fov_deg);
     if (ideal_ && share == 1) {
       volume.is_exact = true;
       volume.surface = exact_surface(view, volume.empty_because);
@@ -82,7 +80,7 @@ class CoveragePlanner {
     RadialSurface found = radial_surface(has_share, *centre,
                                          {.reach = reach(view),
                                           .tolerance = options_.tolerance_m,
-                                          .max_vertices = kMaxVertices,
+                                          .max_vertices = options_.max_vertices,
                                           .stop = stop});
     volume.surface = std::move(found.surface);
     volume.error_m = found.error;
@@ -242,6 +240,7 @@ bool CoverageOptions::is_valid(std::string* reason) const {
         std::isfinite(subject->y_m) && std::isfinite(subject->depth_m))) {
     return refuse("the subject must have a size and a finite place");
   }
+  if (max_vertices < 6) return refuse("a surface has at least 6 vertices");
   if (!(tolerance_m >= 1e-5)) return refuse("the tolerance must be at least 0.01 mm");
   return true;
 }
@@ -274,12 +273,13 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
   for (const rig::Rig::Camera& camera : rig.cameras) {
     plan.cameras.push_back(plan.array.camera_from_world(camera.pose.position));
   }
-  for (const double fov : options.view_fov_deg) {
+  const std::vector<double> fovs = coverage_fovs(options);
+  for (const double fov : fovs) {
     for (const double share : options.shares) {
       plan.volumes.push_back(planner.volume(fov, share, stop));
       if (progress) {
         progress(static_cast<double>(plan.volumes.size()) /
-                 static_cast<double>(options.view_fov_deg.size() * options.shares.size()));
+                 static_cast<double>(fovs.size() * options.shares.size()));
       }
       if (stop.stop_requested()) {
         throw Error::failed("the computation was stopped", name, "Start it again");
@@ -287,6 +287,24 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
     }
   }
   if (options.subject) plan.volumes.push_back(planner.volume_of_subject(*options.subject));
+  return plan;
+}
+
+CoveragePlan plan_subject_coverage(const std::string& name, const rig::Rig& rig,
+                                   const Vector3d& point, double size) {
+  CoveragePlan plan;
+  const CoveragePlanner planner(rig, plan.options);
+  plan.name = name;
+  plan.array = planner.array();
+  const Vector3d middle = plan.array.camera_from_world(point);
+  const CoverageSubject subject{middle.x(), middle.y(), -middle.z(), size};
+  if (subject.depth_m > size / 2) {
+    plan.volumes.push_back(planner.volume_of_subject(subject));
+  } else {
+    plan.volumes.emplace_back();
+    plan.volumes.back().is_of_subject = true;
+    plan.volumes.back().empty_because = "the subject is not in front of the array";
+  }
   return plan;
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "planning/radial_surface.h"
+#include "render/common/view.h"
 #include "rig/rig.h"
 
 namespace raystage::planning {
@@ -32,9 +33,12 @@ struct CoverageOptions {
   double interaxial_m = 0;            ///< between the eyes of a stereo camera; 0: one eye
   /// Of the focal plane in front of the array; infinite: every ray as far as the horizon.
   double focal_depth_m = std::numeric_limits<double>::infinity();
+  /// A view in place of those above, wherever it is: its orientation and lens.
+  std::optional<render::VirtualCamera> view = {};
   std::vector<double> shares = {1, 0.99, 0.9};  ///< of the rays that must have been recorded
   std::optional<CoverageSubject> subject = {};  ///< adds the range of views of that alone
   double tolerance_m = 1e-3;                    ///< of volumes that are not exact
+  int max_vertices = 4000;                      ///< of them
   /// Of several arrays: one does not see through another, as where all are there at a time.
   bool arrays_hide_each_other = true;
 
@@ -63,7 +67,7 @@ struct CoverageVolume {
 struct CoverageArray {
   std::string name;
   int cameras = 0;
-  bool is_ideal = false;  ///< otherwise it counts with the rays of an ideal one inside of it
+  bool is_ideal = false;  ///< otherwise it counts with the rays that its cameras see as they are
   Eigen::Vector2d size_m = Eigen::Vector2d::Zero();   ///< between its outermost cameras
   Eigen::Vector2d fov_deg = Eigen::Vector2d::Zero();  ///< that all of its cameras see
 };
@@ -94,5 +98,10 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
                            const CoverageOptions& options,
                            const std::function<void(double)>& progress = {},
                            const std::stop_token& stop = {});
+
+/// Computes the range of a subject alone: a cube around `point` (world, metres) with edges of
+/// `size` metres. It is empty if the subject is not in front of the array. Takes milliseconds.
+CoveragePlan plan_subject_coverage(const std::string& name, const rig::Rig& rig,
+                                   const Eigen::Vector3d& point, double size);
 
 }  // namespace raystage::planning

@@ -304,6 +304,17 @@ TEST(PlanCoverage, OfASubjectEqualsTracingItsCorners) {
     EXPECT_EQ(is_inside, is_seen_from(distance * direction)) << (distance * direction).transpose();
   }
   EXPECT_GT(inside, kPoints / 20);
+  // The same, alone and at a place of the world.
+  const Vector3d point = plan.array.world_from_camera(Vector3d(0.1, 0, -2));
+  const CoveragePlan alone = plan_subject_coverage("rig", rig, point, 0.2);
+  ASSERT_EQ(alone.volumes.size(), 1U);
+  EXPECT_TRUE(alone.volumes.front().is_of_subject);
+  EXPECT_TRUE(alone.array.position.isApprox(plan.array.position));
+  EXPECT_NEAR(alone.volumes.front().surface.volume(), volume.surface.volume(),
+              1e-9 * volume.surface.volume());
+  const Vector3d behind = plan.array.world_from_camera(Vector3d(0, 0, 2));
+  EXPECT_THAT(plan_subject_coverage("rig", rig, behind, 0.2).volumes.front().empty_because,
+              HasSubstr("not in front"));
   options.subject->depth_m = 0.05;
   EXPECT_THROW(plan_coverage("rig", rig, options), Error);
 }

@@ -14,7 +14,12 @@ constexpr int kViewWidth = 1024;  // shares are areas and do not depend on it
 
 }  // namespace
 
-std::vector<Eigen::Matrix3d> view_rotations(const CoverageOptions& options, double step_deg) {
+std::vector<Eigen::Matrix3d> view_rotations(const CoverageOptions& options,
+                                            const Eigen::Matrix3d& world_from_array,
+                                            double step_deg) {
+  if (options.view) {
+    return {world_from_array.transpose() * options.view->pose.world_from_camera_rotation};
+  }
   std::vector<double> yaws{options.yaw_deg};
   if (options.max_yaw_deg > 0) {
     const int steps = std::max(1, static_cast<int>(std::ceil(options.max_yaw_deg / step_deg)));
@@ -32,10 +37,19 @@ std::vector<Eigen::Matrix3d> view_rotations(const CoverageOptions& options, doub
   return rotations;
 }
 
-render::VirtualCamera coverage_view(double fov_deg, double aspect) {
+render::VirtualCamera coverage_view(const CoverageOptions& options, double fov_deg) {
+  if (options.view) return *options.view;
   return render::virtual_camera_with_fov(kViewWidth,
-                                         std::max(1, static_cast<int>(kViewWidth / aspect)),
+                                         std::max(1, static_cast<int>(kViewWidth / options.aspect)),
                                          fov_deg * kRadiansOfDegree, {});
+}
+
+std::vector<double> coverage_fovs(const CoverageOptions& options) {
+  constexpr double kAllAround = 360;
+  if (options.all_directions) return {kAllAround};
+  if (!options.view) return options.view_fov_deg;
+  const double half = options.view->width / 2.0 / options.view->intrinsics.fx;
+  return {2 * std::atan(half) / kRadiansOfDegree};
 }
 
 }  // namespace raystage::planning

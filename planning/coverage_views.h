@@ -10,10 +10,16 @@
 namespace raystage::planning {
 
 /// Returns the rotations of the views in the array's frame: the middle and both ends of their yaw,
-/// and others so that they are at most `step_deg` apart.
-std::vector<Eigen::Matrix3d> view_rotations(const CoverageOptions& options, double step_deg = 180);
+/// and others so that they are at most `step_deg` apart; or that of the given view.
+std::vector<Eigen::Matrix3d> view_rotations(const CoverageOptions& options,
+                                            const Eigen::Matrix3d& world_from_array,
+                                            double step_deg = 180);
 
-/// Returns a view with a horizontal field of view, in the array's frame, at its origin.
-render::VirtualCamera coverage_view(double fov_deg, double aspect);
+/// Returns a view with a horizontal field of view, in the array's frame, at its origin; or the
+/// given view.
+render::VirtualCamera coverage_view(const CoverageOptions& options, double fov_deg);
+
+/// Returns the horizontal fields of view whose ranges are computed, degrees.
+std::vector<double> coverage_fovs(const CoverageOptions& options);
 
 }  // namespace raystage::planning

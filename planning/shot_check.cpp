@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/parallel.h"
+#include "compose/sequence_memory_plan.h"
 #include "planning/complete_topology.h"
 #include "planning/recorded_rays.h"
 #include "planning/view_sampling.h"
@@ -103,7 +104,7 @@ class LayerChecker {
     LayerFrame frame;
     frame.frame = planned.frame;
     if (!planned.shown[index].tick) return frame;
-    const store::FrameSelection& tick = light_field_.tick(planned.shown[index]);
+    const store::FrameSelection tick = light_field_.frames_of(*planned.shown[index].tick);
     std::vector<int> present;
     for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
       if (tick.frame[camera] >= 0) present.push_back(static_cast<int>(camera));
@@ -294,6 +295,7 @@ ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
   if (!path.empty()) check.motion = measure_motion(path, plan.shot().fps);
   check.motion_limits = options.motion_limits;
   check.measured_settings = options.measured_settings;
+  check.memory = static_cast<double>(compose::required_memory(plan, frames, 1, false));
   for (const compose::LightFieldLayer* light_field : light_fields) {
     check.layers.push_back(LayerChecker(plan, *light_field).run(frames, options, stop));
   }

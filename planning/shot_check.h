@@ -66,7 +66,10 @@ struct ShotCheck {
   CameraMotion motion;                             ///< of the camera, between adjacent frames
   MotionLimits motion_limits;                      ///< that it is compared with
   std::vector<MeasuredSetting> measured_settings;  ///< ShotCheckOptions::measured_settings
-  double seconds = 0;                              ///< that the computation took
+  /// Bytes that rendering one frame at a time needs, see compose::required_memory(); of the layers
+  /// with takes.
+  double memory = 0;
+  double seconds = 0;  ///< that the computation took
 
   /// Returns the largest share of rays of a frame that no take recorded. Of takes around a volume
   /// the best one counts.

@@ -13,6 +13,7 @@
 #include "charts/html_page.h"
 #include "charts/svg_chart.h"
 #include "compose/frame_range.h"
+#include "compose/sequence_memory_plan.h"
 #include "rig/plenoptic_sampling.h"
 
 namespace raystage::planning {
@@ -246,7 +247,7 @@ std::string seconds_text(double seconds) {
 /// States what a bench measured of the layer's method, and what it suggests.
 std::string bench_text(const ShotCheck& check, const LayerCheck& layer) {
   const auto& settings = check.measured_settings;
-  if (settings.empty()) return "Accuracy, time and memory are not measured (raystage bench).\n";
+  if (settings.empty()) return "Accuracy and time are not measured (raystage bench).\n";
   std::string text;
   if (const MeasuredSetting* own = setting_of_method(settings, layer.method)) {
     text = fmt::format(
@@ -271,6 +272,14 @@ std::string layer_text(const ShotCheck& check, const LayerCheck& layer) {
   if (layer.frames.empty()) return "It is not visible in these frames.\n";
   return without_frames_text(layer) + coverage_text(layer) + range_text(layer) +
          resolution_text(check, layer) + ghosting_text(layer) + bench_text(check, layer);
+}
+
+/// States how much memory a frame needs, whatever a bench measured.
+std::string memory_text(const ShotCheck& check) {
+  return fmt::format(
+      "One frame at a time needs {} of memory for its light fields, and what their methods "
+      "compute.\n",
+      compose::format_byte_size(check.memory));
 }
 
 /// States how the camera moves, and what a motion control rig could not do.
@@ -317,7 +326,7 @@ std::string format_shot_check(const ShotCheck& check) {
                         layer.method, layer.cameras, 1e3 * layer.spacing);
     text += layer_text(check, layer);
   }
-  text += "\n" + motion_text(check);
+  text += "\n" + motion_text(check) + memory_text(check);
   return text + fmt::format("\n{} ({:.3f} s)\n", shot_check_verdict(check), check.seconds);
 }
 
@@ -345,6 +354,7 @@ std::string shot_check_as_json(const ShotCheck& check) {
         {"acceleration_m_per_s2", check.motion.acceleration.value},
         {"turn_speed_deg_per_s", check.motion.turn_speed.value * 180 / std::numbers::pi},
         {"exceeded", exceeded_limits(check.motion, check.motion_limits)}}},
+      {"memory_bytes", check.memory},
       {"suggested", suggested == nullptr ? ordered_json(nullptr) : json_of(*suggested)},
       {"seconds", check.seconds},
       {"layers", layers}};
@@ -358,6 +368,7 @@ std::string shot_check_as_page(const ShotCheck& check) {
         charts::html_section(layer.name, lines_as_html(layer_text(check, layer)), charts_of(layer));
   }
   body += charts::html_section("Motion of the camera", lines_as_html(motion_text(check)), "");
+  body += charts::html_section("Memory", lines_as_html(memory_text(check)), "");
   return charts::html_page(
       "Check of the shot: " + check.shot,
       fmt::format("frames {}, {}x{} pixels; {}", compose::format_frame_range(check.frames),

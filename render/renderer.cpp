@@ -32,12 +32,15 @@ struct LightFieldRenderer::State {
   State(const store::Take& of_take, const RendererOptions& with_options)
       : take(of_take),
         settings(with_options),
-        cache(of_take, cache_bytes(with_options), with_options.blend_space, with_options.matte),
         result_cache(with_options.result_cache
                          ? with_options.result_cache
-                         : std::make_shared<ResultCache>(with_options.result_cache_bytes)) {
+                         : std::make_shared<ResultCache>(with_options.result_cache_bytes)),
+        interpolated(result_cache->interpolated_frames()),
+        cache(of_take, cache_bytes(with_options), with_options.blend_space, with_options.matte,
+              interpolated) {
     if (settings.matte) {
-      opaque.emplace(take, settings.cache_bytes - cache_bytes(settings), settings.blend_space);
+      opaque.emplace(take, settings.cache_bytes - cache_bytes(settings), settings.blend_space,
+                     nullptr, interpolated);
     }
   }
 
@@ -47,9 +50,10 @@ struct LightFieldRenderer::State {
 
   const store::Take& take;
   RendererOptions settings;
+  std::shared_ptr<ResultCache> result_cache;
+  std::shared_ptr<store::InterpolatedFrames> interpolated;
   store::FrameCache cache;
   std::optional<store::FrameCache> opaque;  // the frames without their matte
-  std::shared_ptr<ResultCache> result_cache;
   BufferPool buffers;
   std::vector<int> included_cameras;  // cameras that are not excluded
   std::mutex mutex;
@@ -69,29 +73,40 @@ struct LightFieldRenderer::State {
 
   std::vector<int> frames_of_members(const store::FrameSelection& frames) const {
     std::vector<int> of_camera(static_cast<std::size_t>(take.camera_count()), -1);
-    for (const int camera : included_cameras) of_camera[camera] = frames.frame[camera];
+    for (const int camera : included_cameras) {
+      const auto i = static_cast<std::size_t>(camera);
+      of_camera[i] = frames.frame[i];
+      if (!frames.is_interpolated(i) || of_camera[i] < 0) continue;
+      const store::FrameSelection::Second& second = frames.second[i];
+      of_camera[i] = interpolated->number_of({of_camera[i], second.frame, second.part});
+    }
     return of_camera;
   }
 
-  std::vector<std::vector<int>> adjacent_frames(Nanoseconds time) const {
-    const std::span<const store::FrameSelection> ticks = settings.ticks;
-    const auto now = store::nearest_tick(ticks, time);
+  std::vector<std::vector<int>> adjacent_frames(const store::FrameSelection& frames) const {
     std::vector<std::vector<int>> beside;
-    if (!now) return beside;
-    if (*now > 0) beside.push_back(frames_of_members(ticks[*now - 1]));
-    if (*now + 1 < ticks.size()) beside.push_back(frames_of_members(ticks[*now + 1]));
+    for (const std::size_t tick : store::adjacent_ticks(settings.ticks, frames)) {
+      beside.push_back(frames_of_members(settings.ticks[tick]));
+    }
     return beside;
   }
 
   /// kIntact: without rotten frames of the instant; kIntactWithAdjacent: nor of the adjacent ones.
   enum class Frames { kAll, kIntact, kIntactWithAdjacent };
 
+  bool is_rotten_frame(int camera, int frame) const {
+    const store::ArchiveReader& archive = take.archive(camera);
+    const auto sources = cache.sources_of(frame);
+    if (!sources) return archive.is_rotten(frame);
+    return archive.is_rotten(sources->first) || archive.is_rotten(sources->second);
+  }
+
   /// Marks the cameras of rotten frames absent and returns their indices, in increasing order.
   std::vector<int> remove_rotten(std::vector<int>& frame_of_camera) const {
     std::vector<char> is_rotten(frame_of_camera.size(), 0);
     parallel_for(std::size_t{0}, frame_of_camera.size(), [&](std::size_t camera) {
       const int frame = frame_of_camera[camera];
-      if (frame < 0 || !take.archive(static_cast<int>(camera)).is_rotten(frame)) return;
+      if (frame < 0 || !is_rotten_frame(static_cast<int>(camera), frame)) return;
       frame_of_camera[camera] = -1;
       is_rotten[camera] = 1;
     });
@@ -112,7 +127,7 @@ struct LightFieldRenderer::State {
     instant.opaque = opaque ? &*opaque : nullptr;
     instant.fetch_group = cache.new_fetch_group();
     instant.frame_of_camera = frames_of_members(frames);
-    instant.adjacent_frames = adjacent_frames(frames.time_ns);
+    instant.adjacent_frames = adjacent_frames(frames);
     instant.included_cameras = included_cameras;
     if (which != Frames::kAll) {
       instant.rotten_cameras = remove_rotten(instant.frame_of_camera);
@@ -167,11 +182,27 @@ struct LightFieldRenderer::State {
     }
   }
 
+  /// Returns the selection of an instant's frames; the numbers of interpolated ones are known here
+  /// only.
+  store::FrameSelection selection_of(const LightFieldFrame& instant) const {
+    store::FrameSelection frames{instant.time_ns, {}, {}, {}};
+    const std::vector<int>& of_camera = instant.frame_of_camera;
+    frames.frame.assign(of_camera.begin(), of_camera.end());
+    for (std::size_t camera = 0; camera < of_camera.size(); ++camera) {
+      const auto sources = cache.sources_of(of_camera[camera]);
+      if (!sources) continue;
+      frames.second.resize(of_camera.size());
+      frames.frame[camera] = sources->first;
+      frames.second[camera] = {sources->second, sources->part};
+    }
+    return frames;
+  }
+
   /// Returns the view from all ranks' contributions.
   RenderedView render_together(const Method& method, const ViewRequest& request,
                                const ReconstructionOptions& reconstruction) const {
     DistributedViewRequest asked{request.view,
-                                 {request.instant.time_ns, {}, {}},
+                                 {},
                                  request.instant.adjacent_frames,
                                  reconstruction.method,
                                  reconstruction.options,
@@ -179,8 +210,7 @@ struct LightFieldRenderer::State {
                                  request.supersampling,
                                  request.first_row,
                                  request.full_height};
-    asked.frames.frame.assign(request.instant.frame_of_camera.begin(),
-                              request.instant.frame_of_camera.end());
+    asked.frames = selection_of(request.instant);
     asked.is_lockstep = method.distribution(request.options) == DistributionMode::kLockstep;
     Contribution all = settings.hosts->sum(asked, [&](const RankCommunicator* group) {
       LightFieldFrame own = request.instant;
@@ -517,6 +547,9 @@ void LightFieldRenderer::read_ahead(const store::FrameSelection& frames) const {
   for (const int camera : state_->included_cameras) {
     const int frame = frames.frame[camera];
     if (frame >= 0) state_->cache.read_ahead(camera, frame);
+    if (frames.is_interpolated(camera)) {
+      state_->cache.read_ahead(camera, frames.second[camera].frame);
+    }
   }
 }
 

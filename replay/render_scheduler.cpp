@@ -24,7 +24,8 @@ constexpr std::size_t kLanes = 2;
 constexpr std::size_t kMaxFiles = 16;
 
 std::size_t lane_of(JobKind kind) {
-  return kind == JobKind::kRefinement || kind == JobKind::kSnapshot ? 1 : 0;
+  return kind == JobKind::kRefinement || kind == JobKind::kSnapshot || kind == JobKind::kRanges ? 1
+                                                                                                : 0;
 }
 
 bool writes_files(JobKind kind) { return kind == JobKind::kFile || kind == JobKind::kSnapshot; }
@@ -145,8 +146,14 @@ void RenderScheduler::submit(ClientId client, JobKind kind, Job job,
     for (std::size_t i = 0; i < kLanes; ++i) state_->end_jobs(client, i, is_ended);
   }
   if (kind == JobKind::kMotion || kind == JobKind::kRefinement) {
-    state_->end_jobs(client, lane_of(JobKind::kRefinement),
-                     [](JobKind other) { return other == JobKind::kRefinement; });
+    state_->end_jobs(client, lane_of(JobKind::kRefinement), [](JobKind other) {
+      return other == JobKind::kRefinement || other == JobKind::kRanges;
+    });
+  }
+  if (kind == JobKind::kRefinement || kind == JobKind::kSnapshot) {
+    for (auto& [other, running] : lane.clients) {
+      if (running.running == JobKind::kRanges) running.stop.request_stop();
+    }
   }
   const auto [jobs, is_new] = lane.clients.try_emplace(client);
   if (is_new) lane.turns.push_back(client);

@@ -22,10 +22,11 @@ enum class JobKind {
   kThumbnail,   ///< shows a take's thumbnail
   kSnapshot,    ///< renders a frame into a file, beside what the user sees; all of them, in turn
   kRefinement,  ///< renders a view for which the user can wait; a newer one ends it
+  kRanges,      ///< computes ranges of motion; any other job of their lane ends it
 };
 
-/// Runs the jobs of several clients on two threads: snapshots and refinements on one, all other
-/// jobs on the other, which has the higher priority in TBB. Clients take turns. Thread-safe.
+/// Runs the jobs of several clients on two threads: snapshots, refinements and ranges on one, all
+/// other jobs on the other, which has the higher priority in TBB. Clients take turns. Thread-safe.
 class RenderScheduler {
  public:
   using ClientId = std::int64_t;

@@ -85,6 +85,22 @@ TEST(RenderScheduler, ClientsTakeTurns) {
   EXPECT_EQ(log.wait_for(6), "232323");
 }
 
+// Computing ranges of motion takes seconds. Other jobs of the lane end it.
+TEST(RenderScheduler, RangesGiveWayToOtherClients) {
+  Log log;
+  RenderScheduler scheduler(2);
+  std::promise<void> started, ended;
+  scheduler.submit(1, JobKind::kRanges, [&](const std::stop_token& stop) {
+    started.set_value();
+    while (!stop.stop_requested()) std::this_thread::yield();
+    ended.set_value();
+  });
+  started.get_future().wait();
+  scheduler.submit(2, JobKind::kSnapshot, log.job("s"));
+  ended.get_future().wait();
+  EXPECT_EQ(log.wait_for(1), "s");
+}
+
 TEST(RenderScheduler, FilesAreAllWrittenInTurn) {
   Log log;
   Gate gate;

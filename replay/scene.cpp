@@ -40,7 +40,7 @@ std::vector<compose::PlannedFrame> all_frames(const compose::ShotPlan& plan) {
   std::vector<int> frames(static_cast<std::size_t>(plan.shot().last_frame) -
                           plan.shot().first_frame + 1);
   std::iota(frames.begin(), frames.end(), plan.shot().first_frame);
-  return plan.plan(frames, compose::MissingFrames::kHold);
+  return plan.plan(frames, compose::MissingFrames::kHold, compose::MotionBlur::kNone);
 }
 
 }  // namespace
@@ -60,7 +60,8 @@ Scene::Scene(const schemas::ShotDocument& shot, const std::filesystem::path& sho
 }
 
 compose::PlannedFrame Scene::planned(int frame) const {
-  return plan_.plan(std::array{frame}, compose::MissingFrames::kHold).front();
+  return plan_.plan(std::array{frame}, compose::MissingFrames::kHold, compose::MotionBlur::kNone)
+      .front();
 }
 
 compose::CompositedView Scene::render(const SceneView& view, const std::stop_token& stop) const {

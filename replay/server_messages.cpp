@@ -108,14 +108,18 @@ Json json_from(const EpipolarImage& epi) {
   return {{"cameras", epi.camera_ids}, {"view_line", epi.view_line}, {"focus_columns", columns}};
 }
 
+Json json_from(const std::vector<Eigen::Vector3d>& points) {
+  Json list = Json::array();
+  for (const Eigen::Vector3d& point : points) list.push_back({point.x(), point.y(), point.z()});
+  return list;
+}
+
 Json json_from(const std::vector<RangesOfMotion::Range>& ranges) {
   Json list = Json::array();
   for (const RangesOfMotion::Range& range : ranges) {
-    Json vertices = Json::array();
-    for (const Eigen::Vector3d& vertex : range.vertices) {
-      vertices.push_back({vertex.x(), vertex.y(), vertex.z()});
-    }
-    list.push_back({{"layer", range.layer}, {"vertices", vertices}, {"is_exact", range.is_exact}});
+    list.push_back({{"layer", range.layer},
+                    {"vertices", json_from(range.vertices)},
+                    {"is_exact", range.is_exact}});
   }
   return list;
 }
@@ -138,13 +142,13 @@ Json absences_of(const compose::ShotPlan& plan, int last) {
   Json absences = Json::array();
   std::vector<int> frames(static_cast<std::size_t>(last) - plan.shot().first_frame + 1);
   std::iota(frames.begin(), frames.end(), plan.shot().first_frame);
-  const auto planned = plan.plan(frames, compose::MissingFrames::kHold);
+  const auto planned = plan.plan(frames, compose::MissingFrames::kHold, compose::MotionBlur::kNone);
   for (const compose::PlannedFrame& frame : planned) {
     int absent = 0;
     for (const compose::LightFieldLayer* layer : plan.light_fields()) {
       const compose::ShownTick& tick = frame.shown[layer->index()];
       if (!tick.tick || absent == kHeld) continue;
-      const store::FrameSelection& selection = layer->tick(tick);
+      const store::FrameSelection selection = layer->frames_of(*tick.tick);
       absent = tick.held ? kHeld
                          : absent + static_cast<int>(selection.frame.size()) - selection.present();
     }
@@ -335,6 +339,24 @@ std::vector<std::byte> picture_message(const PictureMessage& header,
   if (!header.notes.empty()) json["notes"] = header.notes;
   if (!header.ranges.empty()) json["ranges"] = json_from(header.ranges);
   return with_header(json, jpeg);
+}
+
+std::string ranges_message(std::int64_t id, std::span<const NestedRange> ranges) {
+  Json list = Json::array();
+  for (const NestedRange& range : ranges) {
+    Json json{{"layers", range.layers},
+              {"error_m", range.error_m},
+              {"vertices", json_from(range.vertices)},
+              {"triangles", range.triangles}};
+    if (range.is_of_subject) {
+      json["of_subject"] = true;
+      if (!range.empty_because.empty()) json["empty_because"] = range.empty_because;
+    } else {
+      json["share"] = range.share;
+    }
+    list.push_back(std::move(json));
+  }
+  return Json{{"type", "ranges"}, {"id", id}, {"ranges", list}}.dump();
 }
 
 std::vector<std::byte> source_picture_message(const SourcePictureMessage& header,

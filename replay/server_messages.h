@@ -18,6 +18,7 @@
 #include "replay/folder_listing.h"
 #include "replay/live/live_status.h"
 #include "replay/measurements.h"
+#include "replay/nested_ranges.h"
 #include "replay/picture.h"
 #include "replay/ranges_of_motion.h"
 #include "replay/source_pictures.h"
@@ -100,6 +101,8 @@ std::string focus_message(std::int64_t id, double distance_m);
 std::string probe_message(const ProbeMessage& message);
 /// `share`: of the depths of the instant that are estimated, [0, 1].
 std::string progress_message(std::int64_t id, double share);
+/// The ranges of motion of the view that the request showed.
+std::string ranges_message(std::int64_t id, std::span<const NestedRange> ranges);
 /// `shot`: whose camera has keys of position, orientation and lens.
 std::string keys_message(std::int64_t id, const schemas::ShotDocument& shot);
 std::string live_message(std::int64_t id, const LiveStatus& status);

@@ -15,7 +15,7 @@ namespace raystage::replay {
 /// The source frames of one instant of a take.
 struct SourceFrames {
   const store::Take& take;
-  const store::FrameSelection& frames;
+  store::FrameSelection frames;
 };
 
 /// A rectangle of a mosaic that shows one camera, pixels from the top left.

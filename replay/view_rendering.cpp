@@ -90,7 +90,7 @@ void add_instant(const ShownShot& shown, int frame, PictureMessage& message) {
     const compose::ShownTick& tick = planned.shown[layer->index()];
     message.is_held = message.is_held || tick.held;
     if (!tick.tick) continue;
-    const store::FrameSelection& frames = layer->tick(tick);
+    const store::FrameSelection frames = layer->frames_of(*tick.tick);
     for (std::size_t i = 0; i < frames.frame.size(); ++i) {
       if (frames.frame[i] < 0) {
         message.absent_cameras.push_back(layer->take().document().cameras[i].id);
@@ -129,7 +129,7 @@ std::vector<ProbeMessage::Source> sources_of_pixel(const ShownShot& shown, const
     const compose::ShownTick& tick = planned.shown[layer->index()];
     if (!tick.tick || !shown.scene->plan().is_visible(layer->index(), view.frame)) continue;
     const rig::Rig& rig = layer->take().rig();
-    const std::vector<std::int32_t>& frames = layer->tick(tick).frame;
+    const std::vector<std::int32_t> frames = layer->frames_of(*tick.tick).frame;
     std::vector<int> members;
     for (int i = 0; i < static_cast<int>(frames.size()); ++i) {
       if (frames[i] >= 0) members.push_back(i);
@@ -205,6 +205,12 @@ compose::ExrCamera requested_camera(const ShownShot& shown, const ViewerMessage&
                           height);
 }
 
+double requested_interaxial(const ShownShot& shown, const ViewerMessage& request) {
+  const bool is_stereo = request.eye != ViewerMessage::Eye::kBoth ||
+                         request.arrangement != ViewerMessage::Arrangement::kSingle;
+  return is_stereo && shown.shot.camera.stereo ? shown.shot.camera.stereo->interaxial_m : 0;
+}
+
 SourceFrames requested_source(const ShownShot& shown, const ViewerMessage& request) {
   const compose::ShotPlan& plan = shown.scene->plan();
   const compose::PlannedFrame planned = shown.scene->planned(frame_in_shot(shown, request.frame));
@@ -220,7 +226,14 @@ SourceFrames requested_source(const ShownShot& shown, const ViewerMessage& reque
   if (chosen == nullptr || !shown_at(*chosen)) {
     throw Error::bad_input("no camera recorded this frame", "", "Choose another frame");
   }
-  return {chosen->take(), chosen->tick(planned.shown[chosen->index()])};
+  store::FrameSelection frames = chosen->frames_of(*planned.shown[chosen->index()].tick);
+  constexpr double kHalf = 0.5;  // of the time between two frames
+  for (std::size_t camera = 0; camera < frames.frame.size(); ++camera) {
+    if (!frames.is_interpolated(camera)) continue;
+    if (frames.second[camera].part >= kHalf) frames.frame[camera] = frames.second[camera].frame;
+  }
+  frames.second = {};
+  return {chosen->take(), std::move(frames)};
 }
 
 store::RgbImage render_arranged(const ShownShot& shown, const ViewerMessage& request,
@@ -273,11 +286,9 @@ std::vector<std::byte> render_picture(const ShownShot& shown, const ViewerMessag
   const store::RgbImage picture =
       render_arranged(shown, request, size, options.preview, stop, message);
   add_instant(shown, message.frame, message);
-  const bool is_stereo = request.eye != ViewerMessage::Eye::kBoth ||
-                         request.arrangement != ViewerMessage::Arrangement::kSingle;
   message.ranges = shown.scene->ranges_of_motion().of_view(
       requested_camera(shown, request, request.width, request.height).view,
-      is_stereo && shown.shot.camera.stereo ? shown.shot.camera.stereo->interaxial_m : 0);
+      requested_interaxial(shown, request));
   message.width = picture.width;
   message.height = picture.height;
   const std::vector<std::byte> jpeg = store::encode_jpeg(picture, jpeg_options(request.quality));

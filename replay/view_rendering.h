@@ -40,6 +40,9 @@ compose::CameraState camera_state_of(const schemas::ViewerMessage::Camera& given
 compose::ExrCamera requested_camera(const ShownShot& shown, const schemas::ViewerMessage& request,
                                     int width, int height);
 
+/// Returns the distance between the eyes of the requested view, metres; 0: it has one eye.
+double requested_interaxial(const ShownShot& shown, const schemas::ViewerMessage& request);
+
 /// How a requested view is rendered.
 struct PictureOptions {
   compose::PreviewOptions preview = {};

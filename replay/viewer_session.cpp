@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replay/viewer_session.h"
 
+#include <algorithm>
 #include <atomic>
+#include <iterator>
 #include <mutex>
 #include <optional>
 #include <utility>
@@ -12,6 +14,7 @@
 #include "compose/camera/camera_export.h"
 #include "compose/camera/camera_keys.h"
 #include "replay/live_view.h"
+#include "replay/nested_ranges.h"
 #include "replay/progress_reporter.h"
 #include "replay/server_messages.h"
 #include "replay/snapshot.h"
@@ -26,6 +29,21 @@ using schemas::ViewerMessage;
 namespace {
 
 constexpr std::int64_t kNoRequest = -1;  ///< of messages that answer no request
+
+/// What ranges of motion depend on.
+struct RangesView {
+  render::VirtualCamera view;
+  double interaxial = 0;
+  std::weak_ptr<const Scene> scene;
+
+  /// Returns whether the ranges are the same: wherever the views are.
+  bool is_like(const RangesView& other) const {
+    return scene.lock() == other.scene.lock() && interaxial == other.interaxial &&
+           view.width == other.view.width && view.height == other.view.height &&
+           view.intrinsics == other.view.intrinsics &&
+           view.pose.world_from_camera_rotation == other.view.pose.world_from_camera_rotation;
+  }
+};
 
 }  // namespace
 
@@ -43,6 +61,8 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
   std::shared_ptr<const ShownShot> shown;
   std::shared_ptr<const ShownShot> with_confidence;  // the same, with the measure; null: not opened
   ResolutionControl resolution;
+  std::optional<RangesView> ranges_view;  // of `ranges`
+  std::vector<NestedRange> ranges;
   std::optional<LiveView> live;  // used by jobs of one kind only, which never run at once
 
   void send(std::string text) const {
@@ -113,6 +133,8 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
       const std::scoped_lock lock(mutex);
       shown = opened;
       with_confidence.reset();
+      ranges_view.reset();
+      ranges = {};
     }
     send(std::move(answer));
     if (notes_error) send(error_message(kNoRequest, *notes_error));
@@ -195,9 +217,41 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     options.is_final = !request.comparison.has_value();
     send_picture(options.content, request.id, render_picture(*shot, request, options, stop));
     reporter.reset();
-    if (!request.comparison) return;
-    send_picture(PictureContent::kComparison, request.id,
-                 render_comparison(*shot, request, services.files, services.open_scene, stop));
+    if (request.comparison) {
+      send_picture(PictureContent::kComparison, request.id,
+                   render_comparison(*shot, request, services.files, services.open_scene, stop));
+    }
+    submit(JobKind::kRanges, request.id, [shot, request](State& state, const auto& ranges_stop) {
+      state.send_ranges(*shot, request, ranges_stop);
+    });
+  }
+
+  /// Computes the ranges of motion, which takes seconds, unless they are those of the last view.
+  void send_ranges(const ShownShot& shot, const ViewerMessage& request,
+                   const std::stop_token& stop) {
+    if (shot.camera.is_equirectangular()) return;
+    const RangesView view{requested_camera(shot, request, request.width, request.height).view,
+                          requested_interaxial(shot, request), shot.scene};
+    std::vector<NestedRange> sent;
+    if (const auto& subject = request.subject) {
+      sent = subject_ranges(shot.scene->plan(), Eigen::Vector3d(subject->point.data()),
+                            subject->size_m);
+    }
+    {
+      const std::scoped_lock lock(mutex);
+      if (ranges_view && ranges_view->is_like(view)) {
+        std::ranges::copy(ranges, std::back_inserter(sent));
+        return send(ranges_message(request.id, sent));
+      }
+    }
+    if (!sent.empty()) send(ranges_message(request.id, sent));  // the others take seconds
+    std::vector<NestedRange> found =
+        nested_ranges(shot.scene->plan(), view.view, view.interaxial, stop);
+    std::ranges::copy(found, std::back_inserter(sent));
+    send(ranges_message(request.id, sent));
+    const std::scoped_lock lock(mutex);
+    ranges_view = view;
+    ranges = std::move(found);
   }
 
   void export_camera(const ViewerMessage& request) {

@@ -63,6 +63,7 @@ constexpr Fields kOutput(defaulted("compression", &Output::compression),
                          optional("layout", &Output::layout),
                          optional("cryptomatte", &Output::cryptomatte),
                          optional("overscan", &Output::overscan), defaulted("aovs", &Output::aovs),
+                         optional("motion_samples", &Output::motion_samples),
                          defaulted("color", &Output::color, kColor));
 
 /// Throws Error (bad input) for what an equirectangular camera cannot have.
@@ -97,6 +98,9 @@ void keep_meshes_of_version_two(ShotDocument& shot) {
     if (layer.geometry) layer.geometry->is_animated = layer.geometry->applies_unit = false;
   }
 }
+
+/// Before version 3, shutter_deg was only stated in the header.
+void keep_sharp(ShotDocument& shot) { shot.output.motion_samples = 1; }
 
 /// In version 2, glTF's time 0 is the shot's first frame, since version 3 it is frame 0.
 void count_gltf_time_from_zero(ShotDocument& shot) {
@@ -171,6 +175,7 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
   shot_fields(version).read(JsonNode{json, name, ""}, shot);
   if (version == 2) count_gltf_time_from_zero(shot);
   if (version < 3) keep_meshes_of_version_two(shot);
+  if (version < 3) keep_sharp(shot);
   return shot;
 }
 

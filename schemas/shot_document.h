@@ -179,6 +179,12 @@ struct ShotDocument {
     };
     double start_seconds = 0;  ///< time in the take at first_frame, since its first tick
     double speed = 1;          ///< take seconds per shot second; 0: frozen, negative: backwards
+    /// Which instant of the take a frame shows.
+    enum class Time {
+      kTick,  ///< the nearest tick, as it was recorded
+      kExact  ///< the time of the frame: pictures are interpolated along motion
+    };
+    Time time = Time::kTick;
     /// By increasing frame; with keys, start_seconds and speed are not used.
     std::vector<TimeKey> time_keys = {};
     /// Takes around a volume share its name; each ray is taken from the take that faces it.
@@ -205,6 +211,8 @@ struct ShotDocument {
     Color color = {};
     /// Pixels beyond the picture: on the left and right each, on the top and bottom each.
     std::array<int, 2> overscan{0, 0};
+    /// Most pictures of which a frame is averaged while the shutter is open; 1: no motion blur.
+    int motion_samples = 33;
   };
   std::string name;
   int width = 0, height = 0;

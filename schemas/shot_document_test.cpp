@@ -92,6 +92,14 @@ TEST(ShotOutputDocument, ReadsTimeKeysInsteadOfStartAndSpeed) {
   EXPECT_EQ(read.layers[0].time_keys[1].frame, 9.5);
   EXPECT_EQ(read.layers[0].time_keys[1].seconds, 2);
   EXPECT_EQ(format_shot(parse_shot(format_shot(read), "f")), format_shot(read));
+  EXPECT_EQ(read.layers[0].time, ShotDocument::Layer::Time::kTick);
+  layer["time"] = "exact";
+  const ShotDocument exact = parse_shot(shot.dump(), "f");
+  EXPECT_EQ(exact.layers[0].time, ShotDocument::Layer::Time::kExact);
+  EXPECT_EQ(format_shot(parse_shot(format_shot(exact), "f")), format_shot(exact));
+  layer["time"] = "exactly";
+  EXPECT_THAT(refusal(shot), HasSubstr("#/layers/0/time"));
+  layer.erase("time");
   layer["speed"] = 2;
   EXPECT_THAT(refusal(shot), HasSubstr("#/layers/0/speed"));
   layer.erase("speed");
@@ -105,6 +113,10 @@ TEST(ShotOutputDocument, ReadsAovsWorkingSpaceAndFocusKeys) {
   json shot = shot_of_today();
   EXPECT_EQ(parse_shot(shot.dump(), "f").output.aovs,
             (std::vector<std::string>{"lf.coverage", "P", "N", "albedo"}));
+  json every = shot;
+  every["output"]["aovs"] = {"lf.coverage", "lf.confidence", "lf.cameras", "lf.nearest", "P",
+                             "N",           "albedo",        "motion"};
+  EXPECT_EQ(parse_shot(every.dump(), "f").output.aovs.size(), 8U);
   shot["output"] = {{"aovs", {"N", "lf.confidence"}},
                     {"color", {{"working_space", "lin_ap1_scene"}}}};
   shot["layers"][0]["focal_plane"] = {

@@ -146,8 +146,9 @@ constexpr Fields kLightField(
     written_if(has_constant_speed, defaulted("speed", &Layer::speed)),
     written_if(has_time_keys, defaulted("time_keys", &Layer::time_keys,
                                         list_of(kTimeKey, check_key_frames<Layer::TimeKey>))),
-    check(check_layer_time), optional("volume", &Layer::volume),
-    optional("receives_shadows", &Layer::shadows, kShadows),
+    check(check_layer_time),
+    defaulted("time", &Layer::time, enum_names<Layer::Time>("tick", "exact")),
+    optional("volume", &Layer::volume), optional("receives_shadows", &Layer::shadows, kShadows),
     optional("matte", &Layer::matte, Converter(matte_settings_from, JsonFrom{})),
     check(check_matte_fill));
 
@@ -158,7 +159,7 @@ constexpr auto kContent = custom(
       } else {
         reject_keys(object,
                     {"method", "options", "focal_plane", "fill", "start_seconds", "speed",
-                     "time_keys", "matte", "volume", "receives_shadows"},
+                     "time_keys", "time", "matte", "volume", "receives_shadows"},
                     "only light field layers have this property",
                     "Remove it, or give the layer a take instead");
       }

@@ -35,6 +35,9 @@ constexpr Fields kComparison(optional("text", &ViewerMessage::Comparison::text),
                              optional("file", &ViewerMessage::Comparison::file, kPath),
                              optional("sequence", &ViewerMessage::Comparison::sequence, kPath));
 
+constexpr Fields kSubject(required("point", &ViewerMessage::Subject::point),
+                          required("size_m", &ViewerMessage::Subject::size_m));
+
 constexpr auto kTypes = enum_names<Type>(
     "view", "shot", "focus", "probe", "open", "save", "snapshot", "export", "autosave", "notes",
     "cancel", "mosaic", "source", "epi", "folder", "thumbnail", "live", "keys");
@@ -123,6 +126,7 @@ constexpr Fields kMessage(
     optional("eye", &ViewerMessage::eye, kEyes),
     optional("arrangement", &ViewerMessage::arrangement, kArrangements),
     optional("comparison", &ViewerMessage::comparison, kComparison),
+    optional("subject", &ViewerMessage::subject, kSubject),
     defaulted("quality", &ViewerMessage::quality, kQualities),
     optional("look", &ViewerMessage::look, kLook), defaulted("pixel", &ViewerMessage::pixel),
     optional("layer", &ViewerMessage::layer), optional("camera_id", &ViewerMessage::camera_id),

@@ -68,6 +68,13 @@ struct ViewerMessage {
     bool operator==(const Look&) const = default;
   };
 
+  /// What must be seen, for its range of motion: a cube that is parallel to the array.
+  struct Subject {
+    std::array<double, 3> point{};  ///< its middle: world, metres
+    double size_m = 0;              ///< of its edges
+    bool operator==(const Subject&) const = default;
+  };
+
   Type type = Type::kView;
   std::int64_t id = 0;
   int frame = 0;
@@ -76,6 +83,7 @@ struct ViewerMessage {
   Eye eye = Eye::kBoth;
   Arrangement arrangement = Arrangement::kSingle;
   std::optional<Comparison> comparison;  ///< also rendered, after a resting view
+  std::optional<Subject> subject;        ///< whose range of motion follows a resting view
   Quality quality = Quality::kMoving;
   Look look;
   std::array<double, 2> pixel{};  ///< column, row

@@ -65,6 +65,18 @@ TEST(ViewerMessages, AreComparedWithOneThing) {
       HasSubstr("found 2 of text"));
 }
 
+TEST(ViewerMessages, StateASubjectWithAPlaceAndASize) {
+  const std::string view = R"("type": "view", "frame": 1, "width": 640, "height": 480, )";
+  const ViewerMessage read =
+      parse_viewer_message(message(view + R"("subject": {"point": [1, 2, -3], "size_m": 0.5})"));
+  ASSERT_TRUE(read.subject);
+  EXPECT_EQ(read.subject->point[2], -3);
+  EXPECT_EQ(parse_viewer_message(format_viewer_message(read)).subject, read.subject);
+  EXPECT_THAT(error_of(message(view + R"("subject": {"point": [1, 2, -3], "size_m": 0})")),
+              HasSubstr("size_m"));
+  EXPECT_THAT(error_of(message(view + R"("subject": {"size_m": 1})")), HasSubstr("point"));
+}
+
 TEST(ViewerMessages, ThatAreWrongStillStateWhichOneTheyAre) {
   EXPECT_EQ(find_viewer_message_id(message(R"("type": "nothing")")), 3);
   for (const char* text : {"", "{", "[3]", R"({"id": -3})", R"({"id": 1.5})", R"({"id": "3"})",

@@ -34,6 +34,16 @@ bool differ(const LightSample& a, const LightSample& b) {
 
 }  // namespace
 
+float UnlitSphere::distance(const Ray& ray) const {
+  constexpr float kMiss = std::numeric_limits<float>::infinity();
+  const Vector3f towards = centre - ray.origin;
+  const float along = towards.dot(ray.direction);
+  const float square = radius * radius - (towards - along * ray.direction).squaredNorm();
+  if (!(square > 0)) return kMiss;
+  const float front = along - std::sqrt(square);
+  return front > 0 ? front : kMiss;
+}
+
 PixelRays::PixelRays(const rig::CameraModel& model, const rig::Pose& pose)
     : width_(model.width()),
       height_(model.height()),
@@ -182,6 +192,9 @@ void CameraRenderer::supersample(const World& world, const PixelRays& rays,
     samples_.resize(batch_.size());
     radiance_.sample(world, batch_, footprint, static_, samples_);
     for (std::size_t p = 0; p < group.size(); ++p) {
+      if (!spheres_.empty()) {
+        image.sphere_share[group[p].index] = add_spheres(p * per_pixel, per_pixel);
+      }
       Vector3f sum = Vector3f::Zero();
       // Clips each sample, not the mean: otherwise the edge of a highlight stays jagged.
       for (std::size_t i = 0; i < per_pixel; ++i) {
@@ -190,6 +203,23 @@ void CameraRenderer::supersample(const World& world, const PixelRays& rays,
       image.light[group[p].index] = sum / static_cast<float>(samples);
     }
   }
+}
+
+float CameraRenderer::add_spheres(std::size_t first, std::size_t count) {
+  int shown = 0;
+  for (std::size_t i = first; i < first + count; ++i) {
+    LightSample& sample = samples_[i];
+    for (const UnlitSphere& sphere : spheres_) {
+      const float distance = sphere.distance(batch_[i]);
+      if (!(distance < sample.distance)) continue;
+      sample.distance = distance;
+      sample.light = sphere.colour;
+      sample.part = -1;
+      ++shown;
+      break;  // all have one colour
+    }
+  }
+  return static_cast<float>(shown) / static_cast<float>(count);
 }
 
 void CameraRenderer::supersample_static(const World& world, const PixelRays& rays,
@@ -273,9 +303,11 @@ void CameraRenderer::render(const World& world, const PixelRays& rays, int edge_
 }
 
 void CameraRenderer::render_supersampled(const World& world, const PixelRays& rays, int samples,
-                                         LinearImage& image) {
+                                         LinearImage& image, std::span<const UnlitSphere> spheres) {
   StaticSampleCache once;
   render_centres(world, rays, once, image);
+  spheres_ = spheres;
+  image.sphere_share.assign(spheres.empty() ? 0 : image.light.size(), 0.0F);
   pixels_.clear();
   for (std::size_t index = 0; index < image.light.size(); ++index) {
     const int column = static_cast<int>(index % static_cast<std::size_t>(image.width));
@@ -283,6 +315,7 @@ void CameraRenderer::render_supersampled(const World& world, const PixelRays& ra
     if (rays.has_ray(column, row)) pixels_.push_back({column, row, index});
   }
   supersample(world, rays, pixels_, samples, nullptr, image);
+  spheres_ = {};
 }
 
 }  // namespace raystage::simulate

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -43,11 +44,24 @@ class PixelRays {
   Image<Eigen::Vector2f> ideal_;  ///< at pixel centres, border of 1 pixel; NaN: no ray
 };
 
+/// A ball of one colour that neither receives light nor casts shadows, for composites: a renderer
+/// of geometry shows the same.
+struct UnlitSphere {
+  Eigen::Vector3f centre;                                        ///< world, metres
+  float radius = 0;                                              ///< metres
+  Eigen::Vector3f colour = Eigen::Vector3f(0.75F, 0.15F, 0.6F);  ///< linear light
+
+  /// Returns the distance along a ray to its front; infinite: the ray misses it.
+  float distance(const Ray& ray) const;
+};
+
 /// An image in linear light (full scale 1), and the sample at each pixel centre; row by row.
 struct LinearImage {
   int width = 0, height = 0;
   std::vector<Eigen::Vector3f> light;
   std::vector<LightSample> centre;
+  /// Share of each pixel's samples that shows a sphere; empty: there is none.
+  std::vector<float> sphere_share = {};
 };
 
 /// Keeps a camera's samples of static parts between frames. Saves time and changes no image.
@@ -76,9 +90,10 @@ class CameraRenderer {
   /// pixel centres. `cache` belongs to these rays and this number of samples; it is empty at first.
   void render(const World& world, const PixelRays& rays, int edge_samples, StaticSampleCache& cache,
               LinearImage& image);
-  /// Takes `samples` (a square number) samples in every pixel.
+  /// Takes `samples` (a square number) samples in every pixel. `spheres`: added to the world,
+  /// except to `LinearImage::centre`.
   void render_supersampled(const World& world, const PixelRays& rays, int samples,
-                           LinearImage& image);
+                           LinearImage& image, std::span<const UnlitSphere> spheres = {});
 
  private:
   struct Pixel {
@@ -93,12 +108,15 @@ class CameraRenderer {
   /// Takes `samples` samples in each of `pixels`. `cache` may be null.
   void supersample(const World& world, const PixelRays& rays, std::span<const Pixel> pixels,
                    int samples, StaticSampleCache* cache, LinearImage& image);
+  /// Shows spheres that are in front of the samples of a pixel; returns the share of these samples.
+  float add_spheres(std::size_t first, std::size_t count);
   void supersample_static(const World& world, const PixelRays& rays, std::span<const Pixel> pixels,
                           int samples, StaticSampleCache& cache);
   void find_static(const World& world, std::span<const Pixel> group, float footprint,
                    StaticSampleCache* cache);
 
   RadianceSampler radiance_;
+  std::span<const UnlitSphere> spheres_;
   std::vector<Ray> batch_, missing_rays_;
   std::vector<const StaticSample*> static_;
   std::vector<StaticSample> found_;

@@ -58,8 +58,13 @@ class Simulation {
         schedule_(make_exposure_schedule(options)),
         path_(make_simulated_shot(options, schedule_, scene_.focus)),
         true_rig_(rig::rig_from_document(array_.truth)) {
+    for (const auto& [x, y, z, radius] : options.truth_spheres) {
+      spheres_.push_back({Eigen::Vector3d(x, y, z).cast<float>(), static_cast<float>(radius)});
+    }
     // Costs are in frames: a truth image takes about as long as half its samples in frames.
-    truth_cost_ = std::max(1.0, options.truth_samples / 2.0) * options.view_width() *
+    const auto times =
+        path_.exposures.empty() ? 1.0 : static_cast<double>(path_.exposures[0].size());
+    truth_cost_ = times * std::max(1.0, options.truth_samples / 2.0) * options.view_width() *
                   options.view_height() / options.width / options.height;
     total_cost_ = options.truth_views * truth_cost_ +
                   static_cast<double>(options.camera_count()) * options.frames_per_camera();
@@ -215,6 +220,29 @@ class Simulation {
     return depths;
   }
 
+  /// Replaces the light of the worker's image by its mean over an exposure.
+  void expose(std::span<const schemas::ViewsDocument::View> exposure, Worker& worker,
+              const ParallelLoop& loop) const {
+    std::vector<Eigen::Vector3f> sum(worker.image.light.size(), Eigen::Vector3f::Zero());
+    std::vector<float> share(worker.image.sphere_share.size(), 0.0F);
+    for (const schemas::ViewsDocument::View& at : exposure) {
+      check_stop(loop);
+      const PixelRays rays(rig::CameraModel(at.geometry),
+                           rig::pose_from_matrix(at.geometry.world_from_camera));
+      worker.world.set_time(seconds_of(at.time_ns));
+      worker.renderer.render_supersampled(worker.world, rays, options_.truth_samples, worker.image,
+                                          spheres_);
+      for (std::size_t i = 0; i < share.size(); ++i) share[i] += worker.image.sphere_share[i];
+      for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += worker.image.light[i];
+    }
+    for (std::size_t i = 0; i < sum.size(); ++i) {
+      worker.image.light[i] = sum[i] / static_cast<float>(exposure.size());
+    }
+    for (std::size_t i = 0; i < share.size(); ++i) {
+      worker.image.sphere_share[i] = share[i] / static_cast<float>(exposure.size());
+    }
+  }
+
   void write_truth_images(const std::filesystem::path& folder) {
     create_folder(folder / "truth");
     const auto render = [&](std::size_t index, const ParallelLoop& loop) {
@@ -224,10 +252,17 @@ class Simulation {
                            rig::pose_from_matrix(view.geometry.world_from_camera));
       Worker& worker = workers_.local();
       worker.world.set_time(seconds_of(view.time_ns));
-      worker.renderer.render_supersampled(worker.world, rays, options_.truth_samples, worker.image);
-      images::write_image(develop(worker.image), folder / view.file);
+      worker.renderer.render_supersampled(worker.world, rays, options_.truth_samples, worker.image,
+                                          spheres_);
       images::write_depth_image(worker.image.width, worker.image.height,
                                 planar_depths(worker.image, rays), folder / view.depth_file);
+      if (path_.exposures[index].size() > 1) expose(path_.exposures[index], worker, loop);
+      images::write_image(develop(worker.image), folder / view.file);
+      if (!spheres_.empty()) {
+        images::write_depth_image(worker.image.width, worker.image.height,
+                                  worker.image.sphere_share,
+                                  folder / ("truth/" + view.geometry.id + ".sphere.exr"));
+      }
       advance(truth_cost_);
     };
     raystage::parallel_for(std::size_t{0}, path_.views.views.size(), render);
@@ -244,6 +279,7 @@ class Simulation {
   ExposureSchedule schedule_;
   SimulatedShot path_;
   rig::Rig true_rig_;
+  std::vector<UnlitSphere> spheres_;
   double truth_cost_ = 0, total_cost_ = 0, done_cost_ = 0;
   std::mutex progress_mutex_;
 };

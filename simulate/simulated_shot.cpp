@@ -21,6 +21,7 @@ namespace {
 
 constexpr double kDegrees = std::numbers::pi / 180;
 constexpr int kMinKeys = 8;
+constexpr int kTimesOfExposure = 32;
 
 // Returns the camera key at `u`, from 0 at the first frame to 1 at the last.
 schemas::ShotDocument::CameraKey key_at(const SimulationOptions& s, double frame, double u) {
@@ -128,23 +129,36 @@ SimulatedShot make_simulated_shot(const SimulationOptions& s, const ExposureSche
     return shot.first_frame +
            static_cast<int>(std::lround(static_cast<double>(index) * steps / (count - 1)));
   };
-  const auto key_of = [&](int frame) {
+  const auto key_of = [&](double frame) {
     return key_at(s, frame, steps > 0 ? static_cast<double>(frame - shot.first_frame) / steps : 0);
   };
-  std::set<int> key_frames;
+  const double shutter = s.truth_shutter_deg / 360;  // frames
+  std::set<double> key_frames;
   for (int i = 0; i < kMinKeys; ++i) key_frames.insert(frame_of(i, kMinKeys));
   path.views.color_space = "srgb_texture";
   for (int i = 0; i < s.truth_views; ++i) {
     const int frame = frame_of(i, s.truth_views);
-    key_frames.insert(frame);
-    const double since_first_tick =
-        layer.start_seconds + (frame - shot.first_frame) / rate.fps() * layer.speed;
-    const Nanoseconds time =
-        usable.first_tick +
-        static_cast<Nanoseconds>(std::llround(since_first_tick * kNanosecondsPerSecond));
-    path.views.views.push_back(view_of(s, key_of(frame), i, time));
+    const auto view_at = [&](double time) {
+      const double since_first_tick =
+          layer.start_seconds + (time - shot.first_frame) / rate.fps() * layer.speed;
+      return view_of(s, key_of(time), i,
+                     usable.first_tick + static_cast<Nanoseconds>(std::llround(
+                                             since_first_tick * kNanosecondsPerSecond)));
+    };
+    path.views.views.push_back(view_at(frame));
+    auto& exposure = path.exposures.emplace_back();
+    const int times = shutter > 0 ? kTimesOfExposure : 1;
+    for (int t = 0; t < times; ++t) {
+      exposure.push_back(view_at(frame + shutter * ((t + 0.5) / times - 0.5)));
+    }
+    // The shot's camera follows the same path while the shutter is open.
+    for (const double offset : {-shutter / 2, 0.0, shutter / 2}) key_frames.insert(frame + offset);
   }
-  for (const int frame : key_frames) shot.camera.keys.push_back(key_of(frame));
+  for (const double frame : key_frames) shot.camera.keys.push_back(key_of(frame));
+  if (shutter > 0) {
+    shot.camera.keys.front().shutter_deg = s.truth_shutter_deg;
+    shot.layers.front().time = schemas::ShotDocument::Layer::Time::kExact;
+  }
   return path;
 }
 

@@ -59,6 +59,12 @@ bool SimulationOptions::is_valid(std::string* reason) const {
          within("truth views", truth_views, 0, 10000) &&
          within("truth width", truth_width, 0, 16384) &&
          within("truth height", truth_height, 0, 16384) &&
+         std::ranges::all_of(truth_spheres,
+                             [&](const auto& sphere) {
+                               return is_within("radius of a sphere (m)", sphere[3], 1e-3, 1e3,
+                                                reason);
+                             }) &&
+         within("shutter angle of the views", truth_shutter_deg, 0, 360) &&
          within("shot frames", shot_frames, 1, 1'000'000);
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "store/jpeg/encode.h"
 
@@ -65,6 +66,9 @@ struct SimulationOptions {
   int truth_views = 8;
   int truth_width = 0, truth_height = 0;  ///< pixels; 0: as the cameras
   int truth_samples = 16;                 ///< per pixel: a square number
+  /// Unlit balls in the views only: x, y, z of the centre and radius, world, metres.
+  std::vector<std::array<double, 4>> truth_spheres;
+  double truth_shutter_deg = 0;  ///< of the views; the cameras' exposures are instants
   int shot_frames = 48;
 
   bool is_valid(std::string* reason) const;

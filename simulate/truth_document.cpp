@@ -43,6 +43,8 @@ ordered_json settings_json(const SimulationOptions& s) {
           {"noise", s.noise},
           {"edge_samples", s.edge_samples},
           {"truth_samples", s.truth_samples},
+          {"truth_shutter_deg", s.truth_shutter_deg},
+          {"truth_spheres_m", s.truth_spheres},
           {"jpeg_quality", s.jpeg.quality}};
 }
 

@@ -172,6 +172,20 @@ std::optional<std::size_t> nearest_tick(std::span<const FrameSelection> ticks, N
   return static_cast<std::size_t>(nearest - ticks.begin());
 }
 
+std::vector<std::size_t> adjacent_ticks(std::span<const FrameSelection> ticks,
+                                        const FrameSelection& frames) {
+  const auto now = nearest_tick(ticks, frames.time_ns);
+  if (!now) return {};
+  std::size_t before = *now, after = *now;  // one beyond each
+  if (!frames.second.empty() && ticks[*now].time_ns < frames.time_ns) ++before;
+  if (!frames.second.empty() && ticks[*now].time_ns > frames.time_ns)
+    after = *now - (*now > 0 ? 1 : 0);
+  std::vector<std::size_t> adjacent;
+  if (before > 0) adjacent.push_back(before - 1);
+  if (after + 1 < ticks.size()) adjacent.push_back(after + 1);
+  return adjacent;
+}
+
 Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance) {
   return build_timeline(frame_times(take), take.document().nominal_fps, fps, tolerance,
                         take.folder().string());

@@ -20,6 +20,16 @@ struct FrameSelection {
   Nanoseconds time_ns = 0;
   std::vector<std::int32_t> frame;      ///< one per camera of the take
   std::vector<Nanoseconds> difference;  ///< frame time - time_ns; 0 if absent
+  /// A later frame of a camera, between which and `frame` its picture is interpolated.
+  struct Second {
+    std::int32_t frame = -1;  ///< -1: none, the picture is that of `frame`
+    double part = 0;          ///< of the time from `frame` to this one, (0, 1)
+  };
+  /// One per camera, as frames_at_time() selects; empty: no picture is interpolated.
+  std::vector<Second> second = {};
+  bool is_interpolated(std::size_t camera) const {
+    return camera < second.size() && second[camera].frame >= 0;
+  }
   /// Returns the latest minus the earliest frame time of the cameras present.
   Nanoseconds spread() const;
   int present() const;  ///< cameras with a frame
@@ -35,6 +45,11 @@ Nanoseconds default_frame_tolerance(double nominal_fps);
 /// Returns the index of the tick nearest to `time` (the earlier at a tie) if it is within half a
 /// tick. A timeline of one tick matches any time. `ticks`: of a timeline, at a constant rate.
 std::optional<std::size_t> nearest_tick(std::span<const FrameSelection> ticks, Nanoseconds time);
+
+/// Returns the ticks before and after the nearest tick of frames, or, if some of these are
+/// interpolated, of their time. None further than half a tick outside of the timeline.
+std::vector<std::size_t> adjacent_ticks(std::span<const FrameSelection> ticks,
+                                        const FrameSelection& frames);
 
 /// A sudden change of the clock that stamps a camera's frames.
 struct ClockStep {

@@ -229,6 +229,22 @@ TEST_F(ExrFile, AttributesReadBackByOpenExr) {
   EXPECT_EQ(text("owner"), "absent");
 }
 
+// Time codes count 30 frames a second at most.
+TEST_F(ExrFile, FastShotsHaveNoTimeCode) {
+  for (const int fps : {30, 31, 48, 60, 120}) {
+    ExrMetadata metadata = synthetic_metadata();
+    metadata.frame = 47;
+    metadata.fps_numerator = fps;
+    metadata.fps_denominator = 1;
+    const Imf::Header header =
+        exr_header({}, {render::virtual_camera_with_fov(4, 4, 1, {})}, metadata);
+    EXPECT_EQ(Imf::hasTimeCode(header), fps <= 30) << fps;
+    EXPECT_EQ(Imf::framesPerSecond(header).n, fps);
+  }
+  EXPECT_EQ(format_time_code(47, 48, 1), "00:00:00:47");
+  EXPECT_EQ(format_time_code(125, 60, 1), "00:00:02:05");
+}
+
 TEST_F(ExrFile, FrameRateAndPixelsReadBackByOpenImageIo) {
   const render::RenderedView view = synthetic_view();
   ExrMetadata metadata = synthetic_metadata();

@@ -78,11 +78,15 @@ void add_string(Imf::Header& header, const char* name, const std::string& text) 
   if (!text.empty()) header.insert(name, Imf::StringAttribute(text));
 }
 
-/// Returns the time code of a frame, with frame 0 at 00:00:00:00.
-Imf::TimeCode time_code(int frame, int fps_numerator, int fps_denominator) {
-  const auto rounded =
-      static_cast<int>((std::int64_t{fps_numerator} + fps_denominator / 2) / fps_denominator);
-  const int fps = std::clamp(rounded, 1, 60);
+constexpr int kMaxTimeCodeRate = 30;  // of SMPTE ST 12-1 and Imf::TimeCode, frames/s
+
+int rounded_rate(int fps_numerator, int fps_denominator) {
+  return static_cast<int>((std::int64_t{fps_numerator} + fps_denominator / 2) / fps_denominator);
+}
+
+/// Returns hours, minutes, seconds and frames of a frame, with frame 0 at 0.
+std::array<int, 4> counted_time(int frame, int fps_numerator, int fps_denominator) {
+  const int fps = std::clamp(rounded_rate(fps_numerator, fps_denominator), 1, 1000);
   // Frames before 0 are on the day before.
   const int of_day = fps * 24 * 3600, counted = (frame % of_day + of_day) % of_day;
   const int seconds = counted / fps;
@@ -165,9 +169,9 @@ Imath::M44f exr_world_to_ndc(const render::VirtualCamera& camera) {
 }
 
 std::string format_time_code(int frame, int fps_numerator, int fps_denominator) {
-  const Imf::TimeCode time = time_code(frame, fps_numerator, fps_denominator);
-  return fmt::format("{:02}:{:02}:{:02}:{:02}", time.hours(), time.minutes(), time.seconds(),
-                     time.frame());
+  const auto [hours, minutes, seconds, frames] =
+      counted_time(frame, fps_numerator, fps_denominator);
+  return fmt::format("{:02}:{:02}:{:02}:{:02}", hours, minutes, seconds, frames);
 }
 
 Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata) {
@@ -191,7 +195,11 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
     add_perspective(header, picture);
     add_lens(header, camera, picture);
   }
-  addTimeCode(header, time_code(metadata.frame, metadata.fps_numerator, metadata.fps_denominator));
+  if (rounded_rate(metadata.fps_numerator, metadata.fps_denominator) <= kMaxTimeCodeRate) {
+    const auto [hours, minutes, seconds, frames] =
+        counted_time(metadata.frame, metadata.fps_numerator, metadata.fps_denominator);
+    addTimeCode(header, {hours, minutes, seconds, frames});
+  }
   addFramesPerSecond(header, Imf::Rational(metadata.fps_numerator,
                                            static_cast<unsigned>(metadata.fps_denominator)));
   header.insert("imageCounter", Imf::IntAttribute(metadata.frame));

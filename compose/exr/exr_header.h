@@ -47,6 +47,11 @@ struct ExrMetadata {
   bool chromaticities = false;
 };
 
+/// The views of the frames before and after one, with the same overscan.
+struct AdjacentViews {
+  render::VirtualCamera before, after;
+};
+
 /// The camera of a view, for its header.
 struct ExrCamera {
   render::VirtualCamera view;  ///< with overscan
@@ -54,6 +59,7 @@ struct ExrCamera {
   int overscan_x = 0, overscan_y = 0;
   double film_back_mm = 36;  ///< width
   std::optional<double> focus_m = {}, f_number = {}, exposure_seconds = {};
+  std::optional<AdjacentViews> adjacent = {};  ///< only for motion vectors
 };
 
 /// Returns the camera of the display window.
@@ -73,7 +79,8 @@ Imath::M44f exr_world_to_ndc(const render::VirtualCamera& camera);
 /// Throws Error (bad input) for an unknown compression.
 Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata);
 
-/// Returns "HH:MM:SS:FF", with frame 0 at 00:00:00:00, as `timeCode` in headers.
+/// Returns "HH:MM:SS:FF", with frame 0 at 00:00:00:00, as `timeCode` in headers, which have none
+/// above 30 frames/s.
 std::string format_time_code(int frame, int fps_numerator, int fps_denominator);
 
 /// Throws Error (bad input), which lists the compressions, if `name` is none of them.

@@ -119,7 +119,8 @@ class MeshRenderer final : public LayerRenderer {
   }
   LayerImage render(const LayerView& view) const override {
     return render_geometry(*view.scene, static_cast<std::size_t>(view.mesh), view.camera.view,
-                           samples_, view.object_ids);
+                           samples_, view.object_ids,
+                           view.camera.adjacent ? &*view.camera.adjacent : nullptr);
   }
 
  private:
@@ -187,6 +188,13 @@ std::vector<Eigen::Affine3d> GeometryLayer::file_from_node(double frame) const {
   return moving_->animation.file_from_node(moving_->frames.seconds(frame));
 }
 
+GeometryLayer::BoundingSphere GeometryLayer::bounds_at(double frame) const {
+  const Eigen::Affine3d world_from_object = transform_.world_from_object(frame);
+  // The transform scales all axes alike.
+  return {world_from_object * scene_->centre(),
+          scene_->radius() * world_from_object.linear().col(0).norm()};
+}
+
 MeshInstance GeometryLayer::instance_at(double frame) const {
   const Eigen::Affine3d world_from_object = transform_.world_from_object(frame);
   std::shared_ptr<const EmbreeMesh> scene = scene_;
@@ -199,7 +207,28 @@ MeshInstance GeometryLayer::instance_at(double frame) const {
   return {std::move(scene), textures_, world_from_object, world_from_object.inverse()};
 }
 
-void GeometryLayer::add_to_fingerprint(Fingerprint& print, int frame,
+std::vector<ObjectMotion> GeometryLayer::motion_at(double frame) const {
+  const std::size_t objects = mesh().objects.size();
+  // Of each object: its place in the world.
+  const auto places = [&](double at) {
+    std::vector<Eigen::Affine3d> world(objects, transform_.world_from_object(at));
+    if (!moving_) return world;
+    const std::vector<Eigen::Affine3d> nodes = file_from_node(at);
+    for (std::size_t i = 0; i < objects; ++i)
+      world[i] = world[i] * nodes[moving_->file.parts[i].node];
+    return world;
+  };
+  const std::vector<Eigen::Affine3d> before = places(frame - 1), now = places(frame),
+                                     after = places(frame + 1);
+  std::vector<ObjectMotion> motion;
+  for (std::size_t i = 0; i < objects; ++i) {
+    const Eigen::Affine3d local_from_now = now[i].inverse();
+    motion.push_back({before[i] * local_from_now, after[i] * local_from_now});
+  }
+  return motion;
+}
+
+void GeometryLayer::add_to_fingerprint(Fingerprint& print, double frame,
                                        const ShownTick& /*shown*/) const {
   print.text("geometry", fingerprint_).integer("samples", samples_);
   const Eigen::Affine3d placed = transform_.world_from_object(frame);

@@ -32,6 +32,14 @@ class GeometryLayer final : public Layer {
                 const std::filesystem::path& folder, const std::string& where, Textures& textures);
 
   MeshInstance instance_at(double frame) const;
+  /// Returns how each object moves between a frame and the adjacent ones.
+  std::vector<ObjectMotion> motion_at(double frame) const;
+  struct BoundingSphere {
+    Eigen::Vector3d centre;  ///< world, metres
+    double radius = 0;
+  };
+  /// Returns the bounds at a frame without the motion of the file's nodes.
+  BoundingSphere bounds_at(double frame) const;
   int samples() const { return samples_; }
   /// Returns whether the file has an animation that is not read: of other formats than glTF, or of
   /// bones and morph targets.
@@ -45,7 +53,7 @@ class GeometryLayer final : public Layer {
   const Mesh& mesh() const { return scene_->mesh(); }
 
   /// Adds the contents of the mesh's and textures' files, materials, transform and samples.
-  void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
+  void add_to_fingerprint(Fingerprint& print, double frame, const ShownTick& shown) const override;
   /// Returns names such as "LAYER/OBJECT".
   std::vector<std::string> object_names(const std::string& layer) const override;
   std::size_t shared_bytes() const override {

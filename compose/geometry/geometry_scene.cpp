@@ -16,6 +16,7 @@
 #include "base/stopwatch.h"
 #include "compose/geometry/bsdf_sampling.h"
 #include "compose/geometry/gathered_light.h"
+#include "compose/layers/motion_vectors.h"
 
 namespace raystage::compose {
 namespace {
@@ -55,8 +56,8 @@ class RowRenderer {
  public:
   /// `gathered`: null unless diffuse surfaces gather light.
   RowRenderer(const GeometryScene& scene, std::size_t mesh, const render::VirtualCamera& camera,
-              int samples, int begin, int end, std::span<const float> ids, LayerImage& image,
-              GatheredLight* gathered)
+              int samples, int begin, int end, std::span<const float> ids,
+              const AdjacentViews* adjacent, LayerImage& image, GatheredLight* gathered)
       : scene_(scene),
         mesh_(mesh),
         camera_(camera),
@@ -64,6 +65,7 @@ class RowRenderer {
         begin_(begin),
         end_(end),
         ids_(ids),
+        adjacent_(adjacent),
         image_(image),
         gathered_(gathered),
         pixels_(static_cast<std::uint32_t>((end - begin) * camera.width)),
@@ -337,11 +339,24 @@ class RowRenderer {
         image_.aovs[0].values[i] = static_cast<float>(point.position(c));
         image_.aovs[1].values[i] = static_cast<float>(point.normal(c));
       }
+      if (adjacent_ != nullptr) write_motion(at, point);
     }
     const auto share = 1 / static_cast<float>(nearest_[path.pixel].hits);
     for (Eigen::Index c = 0; c < 3; ++c) {
       image_.aovs[2].values[3 * at + static_cast<std::size_t>(c)] += share * point.color(c);
     }
+  }
+
+  void write_motion(std::size_t pixel, const SurfacePoint& point) {
+    const std::vector<ObjectMotion>& motion = scene_.meshes[mesh_].motion;
+    const ObjectMotion moved = motion.empty() ? ObjectMotion{} : motion[point.object];
+    const auto at = [](const Eigen::Vector3d& p) {
+      return Eigen::Vector4d(p.x(), p.y(), p.z(), 1);
+    };
+    std::ranges::copy(motion_vector(camera_, *adjacent_,
+                                    {at(moved.before_from_now * point.position), at(point.position),
+                                     at(moved.after_from_now * point.position)}),
+                      image_.aovs[3].values.begin() + static_cast<std::ptrdiff_t>(4 * pixel));
   }
 
   /// Counts the hits of each pixel and finds its nearest sample.
@@ -412,6 +427,7 @@ class RowRenderer {
   const render::VirtualCamera& camera_;
   int per_side_, begin_, end_;
   std::span<const float> ids_;
+  const AdjacentViews* adjacent_;
   LayerImage& image_;
   GatheredLight* gathered_;
   std::uint32_t pixels_;            // of these rows
@@ -426,7 +442,7 @@ class RowRenderer {
 
 LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
                            const render::VirtualCamera& camera, int samples,
-                           std::span<const float> ids) {
+                           std::span<const float> ids, const AdjacentViews* adjacent) {
   LayerImage image = transparent_layer_image(camera.width, camera.height);
   if (!ids.empty()) image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
   const auto add = [&](const char* name, const std::vector<std::string>& channels, bool is_colour) {
@@ -436,6 +452,7 @@ LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
   add("P", {"X", "Y", "Z"}, false);
   add("N", {"X", "Y", "Z"}, false);
   add("albedo", {"R", "G", "B"}, true);
+  if (adjacent != nullptr) image.aovs.push_back(empty_motion_aov(image.pixels()));
   std::optional<GatheredLight> gathered;
   if (scene.lights.gather_rays > 0) gathered.emplace(image.pixels());
   // A fixed partition: Embree's traversal of a packet may depend on all of its rays.
@@ -443,7 +460,7 @@ LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
     const Stopwatch watch;
     const int begin = task * kRowsPerTask;
     RowRenderer(scene, mesh, camera, samples, begin, std::min(begin + kRowsPerTask, camera.height),
-                ids, image, gathered ? &*gathered : nullptr)
+                ids, adjacent, image, gathered ? &*gathered : nullptr)
         .render();
     if (scene.busy_ns != nullptr) *scene.busy_ns += std::llround(1e6 * watch.ms());
   });

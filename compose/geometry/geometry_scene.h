@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "compose/exr/exr_header.h"
 #include "compose/geometry/lights.h"
 #include "compose/geometry/surface_point.h"
 #include "compose/layers/layer_image.h"
@@ -31,10 +32,12 @@ struct GeometryScene {
 /// pixel (a square number) in a grid. The other meshes cast shadows on it and appear in its
 /// reflections. A: share of the rays that hit it; Z, `P` (world, metres) and `N` (shading normal,
 /// world): of the nearest hit; `albedo`: mean over the hits. `ids`: of the mesh's objects, for
-/// LayerImage::ids; empty: not requested. The bytes do not depend on the number of threads, unless
-/// those of `lights.environment_radiance` do.
+/// LayerImage::ids; empty: not requested. `adjacent`: adds the AOV `motion` of the nearest hit;
+/// null: not requested. The bytes do not depend on the number of threads, unless those of
+/// `lights.environment_radiance` do.
 LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
                            const render::VirtualCamera& camera, int samples,
-                           std::span<const float> ids = {});
+                           std::span<const float> ids = {},
+                           const AdjacentViews* adjacent = nullptr);
 
 }  // namespace raystage::compose

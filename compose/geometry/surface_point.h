@@ -10,12 +10,19 @@
 
 namespace raystage::compose {
 
+/// How an object of a mesh is moved from one frame to the adjacent ones, in the world.
+struct ObjectMotion {
+  Eigen::Affine3d before_from_now = Eigen::Affine3d::Identity();
+  Eigen::Affine3d after_from_now = Eigen::Affine3d::Identity();
+};
+
 /// A mesh with its transform at a frame.
 struct MeshInstance {
   std::shared_ptr<const EmbreeMesh> scene;
   std::span<const Textures::Handle> textures;  ///< of each of its materials; null: none
   Eigen::Affine3d world_from_object = Eigen::Affine3d::Identity();
   Eigen::Affine3d object_from_world = Eigen::Affine3d::Identity();
+  std::vector<ObjectMotion> motion = {};  ///< of each of its objects; empty: not known
 };
 
 /// A point of a surface that a ray hit.

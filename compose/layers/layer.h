@@ -33,10 +33,15 @@ enum class MissingFrames {
   kBlack   ///< show a frame with alpha and coverage 0
 };
 
+/// Times within the exposure of a frame are multiples of this part of a frame away from it, so that
+/// they can be numbered.
+inline constexpr int kOffsetsPerFrame = 1024;
+
 /// The instant of a take that a frame of the shot shows.
 struct ShownTick {
-  std::optional<int> tick;  ///< index into Timeline::ticks; none: nothing
-  bool held = false;        ///< a nearest instant replaces a missing one
+  /// Index into Timeline::ticks, or beyond for an exact time between them; none: nothing.
+  std::optional<int> tick;
+  bool held = false;  ///< a nearest instant replaces a missing one
 };
 
 /// Memory budget of a light field, bytes.
@@ -74,6 +79,9 @@ struct LayerView {
   std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not requested
   PreviewOptions preview = {};
   RottenCameras* rotten_cameras = nullptr;  ///< receives those of the view; null: not collected
+  double offset = 0;                        ///< within the exposure, frames from the frame
+
+  double time() const { return frame + offset; }  ///< frames
 };
 
 /// Answers single rays of a layer that is a light.
@@ -128,8 +136,9 @@ class Layer {
   /// Checks the layer's inputs at a frame. Throws Error (bad input) if a file that it reads is
   /// missing or unusable, or if the camera lacks a property that it needs.
   virtual void check_frame(const LayerFrameCheck& /*check*/) const {}
-  /// Adds what determines the layer's pixels at a frame, except properties of all kinds of layers.
-  virtual void add_to_fingerprint(Fingerprint& /*print*/, int /*frame*/,
+  /// Adds what determines the layer's pixels at a frame, or a time within its exposure, except
+  /// properties of all kinds of layers.
+  virtual void add_to_fingerprint(Fingerprint& /*print*/, double /*frame*/,
                                   const ShownTick& /*shown*/) const {}
   /// Fills in the layer's metadata for the header of a frame. Returns false if it has none.
   virtual bool fill_metadata(const ShownTick& /*shown*/, ExrMetadata& /*metadata*/) const {

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Renders a take as a layer. A shot frame shows the tick nearest to its time in the take
-// (take_time()). Focal plane and lens follow the camera if the shot requests it. Input: a view with
-// overscan, metres; output: a premultiplied image in kSceneSpace with coverage measures as AOVs.
-// Cost: that of the reconstruction method.
+// (take_time()), or exactly that time. Focal plane and lens follow the camera if the shot requests
+// it. Input: a view with overscan, metres; output: a premultiplied image in kSceneSpace with
+// coverage measures as AOVs. Cost: that of the reconstruction method.
 #include "compose/layers/light_field_layer.h"
 
 #include <fmt/format.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +16,7 @@
 #include "base/error.h"
 #include "render/automatic/automatic.h"
 #include "render/methods.h"
+#include "store/exact_frames.h"
 
 namespace raystage::compose {
 namespace {
@@ -43,6 +45,13 @@ render::ReconstructionOptions reconstruction_of(const schemas::ShotDocument::Lay
   if (of_layer == nullptr) {
     throw Error::bad_input("there is no reconstruction method \"" + layer.method + "\"",
                            where + "/method", "Use one of " + render::method_names());
+  }
+  using Time = schemas::ShotDocument::Layer::Time;
+  if (layer.time == Time::kExact && of_layer->shows_foreground_only()) {
+    throw Error::bad_input(
+        fmt::format("method {} reads a matte for each recorded frame, and exact times have none",
+                    of_layer->name()),
+        where + "/time", "Remove \"time\", or choose another method");
   }
   of_layer->check({of_layer->options(), layer.options, where + "/options"}, take);
   render::ReconstructionOptions reconstruction;
@@ -144,10 +153,11 @@ class TakeRenderer final : public LayerRenderer {
     const bool is_preview =
         !view.preview.method.empty() && !layer_.method().shows_foreground_only();
     render::ReconstructionOptions how =
-        is_preview ? layer_.preview_reconstruction(view.preview.method, view.camera, view.frame)
-                   : layer_.reconstruction_for(view.camera, view.frame);
+        is_preview ? layer_.preview_reconstruction(view.preview.method, view.camera, view.time())
+                   : layer_.reconstruction_for(view.camera, view.time());
     how.max_supersampling = view.preview.max_supersampling;
-    render::RenderedView rendered = renderer_.render(camera, layer_.tick(view.shown), how);
+    render::RenderedView rendered =
+        renderer_.render(camera, layer_.frames_of(*view.shown.tick), how);
     collect(rendered.rotten_cameras, view.rotten_cameras);
     return make_layer_image(std::move(rendered));
   }
@@ -192,16 +202,16 @@ class TakeRenderer final : public LayerRenderer {
   std::optional<LayerRays> rays(const LayerView& view) const override {
     if (!view.shown.tick) return std::nullopt;
     return LayerRays{
-        [this, &tick = layer_.tick(view.shown), rotten = view.rotten_cameras,
-         how = layer_.reconstruction_for(view.camera, view.frame)](
+        [this, frames = layer_.frames_of(*view.shown.tick), rotten = view.rotten_cameras,
+         how = layer_.reconstruction_for(view.camera, view.time())](
             std::span<const render::WorldRay> rays, std::span<render::RaySample> samples) {
-          collect(renderer_.query(rays, tick, how, samples), rotten);
+          collect(renderer_.query(rays, frames, how, samples), rotten);
         },
         layer_.take().rig().mean_viewing_direction()};
   }
 
   void read_ahead(const ShownTick& shown) const override {
-    if (shown.tick) renderer_.read_ahead(layer_.tick(shown));
+    if (shown.tick) renderer_.read_ahead(layer_.frames_of(*shown.tick));
   }
   int frames_read_ahead() const override { return renderer_.frames_read_ahead(); }
   store::DecodeCosts decode_costs() const override { return renderer_.decode_costs(); }
@@ -301,7 +311,7 @@ bool LightFieldLayer::reads_adjacent_frames() const {
 }
 
 render::ReconstructionOptions LightFieldLayer::reconstruction_for(const ExrCamera& camera,
-                                                                  int frame) const {
+                                                                  double frame) const {
   render::ReconstructionOptions result = reconstruction_;
   if (focus_) result.focal_plane = rig::fronto_parallel_plane(take_.rig(), focus_(frame));
   schemas::OptionValues& options = result.options;
@@ -325,7 +335,7 @@ render::ReconstructionOptions LightFieldLayer::reconstruction_for(const ExrCamer
 
 render::ReconstructionOptions LightFieldLayer::preview_reconstruction(std::string_view method,
                                                                       const ExrCamera& camera,
-                                                                      int frame) const {
+                                                                      double frame) const {
   render::ReconstructionOptions result = reconstruction_for(camera, frame);
   if (method == result.method) return result;
   result.method = method;
@@ -337,66 +347,17 @@ render::ReconstructionOptions LightFieldLayer::preview_reconstruction(std::strin
   return result;
 }
 
-double LightFieldLayer::take_seconds(int frame) const {
-  if (time_) return time_(frame);
-  const double shot_seconds =
-      (static_cast<double>(frame) - first_frame_) * fps_denominator_ / fps_numerator_;
-  return layer_.start_seconds + shot_seconds * layer_.speed;
-}
-
-Nanoseconds LightFieldLayer::take_time(int frame) const {
-  const double seconds = take_seconds(frame);
-  constexpr double kLimit = 4e18;  // nanoseconds; keeps the sum below within int64
-  return timeline_.ticks.front().time_ns +
-         static_cast<Nanoseconds>(std::llround(
-             std::clamp(seconds * static_cast<double>(kNanosecondsPerSecond), -kLimit, kLimit)));
-}
-
-std::optional<int> LightFieldLayer::tick_at(int frame) const {
-  const auto tick = store::nearest_tick(timeline_.ticks, take_time(frame));
-  if (!tick || timeline_.ticks[*tick].present() == 0) return std::nullopt;
-  return static_cast<int>(*tick);
-}
-
-ShownTick LightFieldLayer::shown_tick_at(int frame, MissingFrames policy) const {
-  ShownTick shown{tick_at(frame), false};
-  if (shown.tick || policy != MissingFrames::kHold) return shown;
-  const auto& ticks = timeline_.ticks;
-  const auto after = std::upper_bound(
-      ticks.begin(), ticks.end(), take_time(frame),
-      [](Nanoseconds t, const store::FrameSelection& tick) { return t < tick.time_ns; });
-  shown.tick = nearest_present(std::max(0, static_cast<int>(after - ticks.begin()) - 1));
-  shown.held = shown.tick.has_value();
-  return shown;
-}
-
-std::optional<int> LightFieldLayer::nearest_present(int tick) const {
-  const auto present = [&](int i) { return timeline_.ticks[i].present() > 0; };
-  const int count = static_cast<int>(timeline_.ticks.size());
-  for (int i = tick; i >= 0; --i) {
-    if (present(i)) return i;
-  }
-  for (int i = tick + 1; i < count; ++i) {
-    if (present(i)) return i;
-  }
-  return std::nullopt;
-}
-
-std::string LightFieldLayer::take_duration_text() const {
-  return fmt::format(
-      "it lasts {:.3f} s from its first tick",
-      static_cast<double>(timeline_.ticks.back().time_ns - timeline_.ticks.front().time_ns) /
-          kNanosecondsPerSecond);
-}
-
 std::vector<std::filesystem::path> LightFieldLayer::input_files(const ShownTick& shown) const {
   if (!shown.tick) return {};
-  std::vector<std::filesystem::path> files =
-      method().input_files(method_options(), take_, tick(shown));
-  for (std::size_t i = 0; matte_ && i < tick(shown).frame.size(); ++i) {
-    if (tick(shown).frame[i] < 0) continue;
-    std::ranges::move(matte_->input_files(static_cast<int>(i), tick(shown).frame[i]),
-                      std::back_inserter(files));
+  const store::FrameSelection frames = frames_of(*shown.tick);
+  std::vector<std::filesystem::path> files = method().input_files(method_options(), take_, frames);
+  for (std::size_t i = 0; matte_ && i < frames.frame.size(); ++i) {
+    const int first = frames.frame[i],
+              second = frames.is_interpolated(i) ? frames.second[i].frame : -1;
+    for (const int frame : {first, second}) {
+      if (frame < 0) continue;
+      std::ranges::move(matte_->input_files(static_cast<int>(i), frame), std::back_inserter(files));
+    }
   }
   return files;
 }
@@ -420,7 +381,18 @@ std::size_t LightFieldLayer::decoded_frame_bytes() const {
     bytes += static_cast<std::size_t>(camera.model.width()) *
              static_cast<std::size_t>(camera.model.height()) * kBytesPerPixel;
   }
-  return bytes;
+  if (layer_.time != schemas::ShotDocument::Layer::Time::kExact) return bytes;
+  // Of each interpolated frame the two recorded ones are held, too. While it is computed, flow in
+  // both directions and sampled pictures.
+  constexpr std::size_t kHeld = 3, kFlowBytesPerPixel = 120;
+  std::size_t largest = 0;
+  for (const rig::Rig::Camera& camera : take_.rig().cameras) {
+    largest = std::max(largest, static_cast<std::size_t>(camera.model.width()) *
+                                    static_cast<std::size_t>(camera.model.height()));
+  }
+  const auto at_once = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  return kHeld * bytes +
+         std::min(at_once, take_.rig().cameras.size()) * largest * kFlowBytesPerPixel;
 }
 
 bool LightFieldLayer::is_transparent_where_unseen() const {
@@ -433,10 +405,15 @@ void LightFieldLayer::add_sources(const store::FrameSelection& tick, Fingerprint
       print.text("source", "absent");
       continue;
     }
-    const store::FrameRecord& record =
-        take_.archive(static_cast<int>(camera)).frames()[tick.frame[camera]];
-    print.integer("source", record.time_ns);
-    print.integer("xxh3", static_cast<std::int64_t>(record.xxh3));
+    const auto add = [&](int frame) {
+      const store::FrameRecord& record = take_.archive(static_cast<int>(camera)).frames()[frame];
+      print.integer("source", record.time_ns);
+      print.integer("xxh3", static_cast<std::int64_t>(record.xxh3));
+    };
+    add(tick.frame[camera]);
+    if (!tick.is_interpolated(camera)) continue;
+    print.number("interpolated", tick.second[camera].part);
+    add(tick.second[camera].frame);
   }
 }
 
@@ -470,7 +447,7 @@ std::string LightFieldLayer::common_fingerprint() const {
   return print.hex();
 }
 
-void LightFieldLayer::add_to_fingerprint(Fingerprint& print, int frame,
+void LightFieldLayer::add_to_fingerprint(Fingerprint& print, double frame,
                                          const ShownTick& shown) const {
   print.text("light field", common_);
   if (focus_) print.number("focus", focus_(frame));
@@ -479,14 +456,13 @@ void LightFieldLayer::add_to_fingerprint(Fingerprint& print, int frame,
     return;
   }
   for (const auto& file : input_files(shown)) print.text("file", read_file(file));
-  print.integer("time", tick(shown).time_ns);
-  add_sources(tick(shown), print);
+  const store::FrameSelection frames = frames_of(*shown.tick);
+  print.integer("time", frames.time_ns);
+  add_sources(frames, print);
   if (!reads_adjacent_frames()) return;
-  for (const int adjacent : {*shown.tick - 1, *shown.tick + 1}) {
-    const auto i = static_cast<std::size_t>(adjacent);
-    if (adjacent < 0 || i >= timeline_.ticks.size()) continue;
-    print.integer("beside", adjacent - *shown.tick);
-    add_sources(timeline_.ticks[i], print);
+  for (const int adjacent : adjacent_ticks(*shown.tick)) {
+    print.integer("beside", timeline_.ticks[adjacent].time_ns < frames.time_ns ? -1 : 1);
+    add_sources(timeline_.ticks[adjacent], print);
   }
 }
 
@@ -495,12 +471,13 @@ bool LightFieldLayer::fill_metadata(const ShownTick& shown, ExrMetadata& metadat
   metadata.method = reconstruction_.method;
   metadata.method_options = render::options_to_text(reconstruction_.options);
   if (!shown.tick) return true;
+  const store::FrameSelection frames = frames_of(*shown.tick);
   Nanoseconds utc = 0;
-  if (!__builtin_add_overflow(take_.document().epoch_utc, tick(shown).time_ns, &utc)) {
+  if (!__builtin_add_overflow(take_.document().epoch_utc, frames.time_ns, &utc)) {
     metadata.capture_utc = utc;
   }
-  for (std::size_t camera = 0; camera < tick(shown).frame.size(); ++camera) {
-    if (tick(shown).frame[camera] < 0) {
+  for (std::size_t camera = 0; camera < frames.frame.size(); ++camera) {
+    if (frames.frame[camera] < 0) {
       metadata.absent_cameras.push_back(take_.document().cameras[camera].id);
     }
   }

@@ -52,27 +52,36 @@ class LightFieldLayer final : public Layer {
   std::optional<schemas::DepthRange> depth_range() const;
   /// Returns the settings at a frame. If the focal plane follows the camera, it is at the camera's
   /// focus distance, and methods with a lens get its f-number.
-  render::ReconstructionOptions reconstruction_for(const ExrCamera& camera, int frame) const;
+  render::ReconstructionOptions reconstruction_for(const ExrCamera& camera, double frame) const;
   /// Returns the settings of a preview by another method: its default options with the layer's
   /// depth range. The focal plane is at the camera's focus distance, or else that of the layer.
   render::ReconstructionOptions preview_reconstruction(std::string_view method,
-                                                       const ExrCamera& camera, int frame) const;
+                                                       const ExrCamera& camera, double frame) const;
   bool focal_plane_follows_camera() const {
     return layer_.focal_plane.kind == schemas::ShotDocument::FocalPlane::Kind::kCamera;
   }
-  const store::FrameSelection& tick(const ShownTick& shown) const {
-    return timeline_.ticks[*shown.tick];
-  }
+  /// Returns the frames of an instant: ShownTick::tick.
+  store::FrameSelection frames_of(int tick) const;
+  /// Returns the ticks before and after an instant that methods with adjacent frames read.
+  std::vector<int> adjacent_ticks(int tick) const;
 
   /// Returns the time in the take that a frame shows, seconds since its first tick: that of its
   /// time keys, or start + (frame - first frame) / fps * speed.
-  double take_seconds(int frame) const;
+  double take_seconds(double frame) const;
   /// Returns the same in nanoseconds since the take's epoch.
-  Nanoseconds take_time(int frame) const;
+  Nanoseconds take_time(double frame) const;
   /// Returns the tick nearest to take_time(); none if that is more than half a tick outside the
   /// timeline, or if no camera has a frame. A timeline of one tick is shown at every frame.
-  std::optional<int> tick_at(int frame) const;
+  std::optional<int> tick_at(double frame) const;
+  /// Returns what a frame shows. With exact times instants between ticks have numbers beyond those
+  /// of the timeline, which depend on the shot only.
   ShownTick shown_tick_at(int frame, MissingFrames policy) const;
+  /// Returns what is shown while the shutter is open: with exact times the time `offset` frames
+  /// from a frame, a multiple of 1 / kOffsetsPerFrame; `of_frame`, what the frame shows, with
+  /// ticks, or if the take has no such time.
+  ShownTick shown_tick_in_exposure(int frame, double offset, const ShownTick& of_frame) const;
+  /// Returns whether pictures of times between two fractional frames may differ.
+  bool moves_between(double first, double last) const;
 
   /// Returns "it lasts N s from its first tick", for messages.
   std::string take_duration_text() const;
@@ -82,7 +91,7 @@ class LightFieldLayer final : public Layer {
   /// Adds method, take.json and rig.json, and time and XXH3 of each source frame (those of the
   /// ticks before and after, too, if the method reads them). Of the timeline only the selected
   /// frames count: a new resynchronisation that selects the same frames needs no new rendering.
-  void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
+  void add_to_fingerprint(Fingerprint& print, double frame, const ShownTick& shown) const override;
   bool fill_metadata(const ShownTick& shown, ExrMetadata& metadata) const override;
 
   std::size_t shared_bytes() const override { return matte_ ? matte_->bytes() : 0; }
@@ -96,6 +105,8 @@ class LightFieldLayer final : public Layer {
 
  private:
   std::optional<int> nearest_present(int tick) const;
+  std::optional<int> exact_tick_at(double frame) const;
+  int first_frame_of_time(int frame) const;
   std::vector<std::filesystem::path> input_files(const ShownTick& shown) const;
   std::string common_fingerprint() const;
   void add_sources(const store::FrameSelection& tick, Fingerprint& print) const;

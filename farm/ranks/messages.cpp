@@ -157,11 +157,38 @@ schemas::OptionValues options_from(const Json& json) {
   return options;
 }
 
+/// Returns [camera, later frame, part] of each interpolated frame.
+Json interpolated_as_json(const store::FrameSelection& frames) {
+  Json list = Json::array();
+  for (std::size_t camera = 0; camera < frames.second.size(); ++camera) {
+    if (!frames.is_interpolated(camera)) continue;
+    list.push_back({camera, frames.second[camera].frame, frames.second[camera].part});
+  }
+  return list;
+}
+
+std::vector<store::FrameSelection::Second> interpolated_from(const Json& json,
+                                                             std::size_t cameras) {
+  std::vector<store::FrameSelection::Second> second;
+  for (const Json& one : json) {
+    const auto camera = value_of<std::size_t>(one.at(0));
+    const store::FrameSelection::Second found{value_of<std::int32_t>(one.at(1)),
+                                              value_of<double>(one.at(2))};
+    if (camera >= cameras || found.frame < 0 || !(found.part > 0 && found.part < 1)) {
+      throw damaged();
+    }
+    second.resize(cameras);
+    second[camera] = found;
+  }
+  return second;
+}
+
 Json json_of(const render::DistributedViewRequest& view) {
   const Eigen::Vector4d& plane = view.focal_plane;
   return {{"view", json_of(view.view)},
           {"time", view.frames.time_ns},
           {"frames", view.frames.frame},
+          {"interpolated", interpolated_as_json(view.frames)},
           {"frames beside", view.adjacent_frames},
           {"method", view.method},
           {"options", json_of(view.options)},
@@ -178,6 +205,7 @@ render::DistributedViewRequest distributed_view_request_from(const Json& json) {
   view.frames.time_ns = value_of<Nanoseconds>(json.at("time"));
   view.frames.frame = value_of<std::vector<std::int32_t>>(json.at("frames"));
   view.frames.difference.assign(view.frames.frame.size(), 0);
+  view.frames.second = interpolated_from(json.at("interpolated"), view.frames.frame.size());
   view.adjacent_frames = value_of<std::vector<std::vector<int>>>(json.at("frames beside"));
   view.method = value_of<std::string>(json.at("method"));
   view.options = options_from(json.at("options"));

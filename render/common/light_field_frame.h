@@ -34,6 +34,7 @@ struct LightFieldFrame {
   store::FrameCache::FetchGroup fetch_group = store::FrameCache::kUngrouped;
   Nanoseconds time_ns = 0;  ///< since the take's epoch
   /// Per camera of the rig: its frame, or -1 where it has none at this instant or is excluded.
+  /// Interpolated frames have the numbers of store::InterpolatedFrames.
   std::vector<int> frame_of_camera;
   /// As frame_of_camera, for the ticks before and after where the timeline has them: see
   /// RendererOptions::ticks.

@@ -6,6 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "store/processing/frames/interpolated_frames.h"
+
 namespace raystage::render {
 
 /// Caches results that methods compute once and use for many views (depth maps, slabs, scenes),
@@ -31,6 +33,11 @@ class ResultCache {
   }
 
   std::size_t bytes_held() const;
+  /// Returns the numbers of interpolated frames, which keys contain: renderers that share the cache
+  /// share them.
+  const std::shared_ptr<store::InterpolatedFrames>& interpolated_frames() const {
+    return interpolated_frames_;
+  }
 
  private:
   using Make = std::function<std::shared_ptr<const void>(std::size_t& bytes)>;
@@ -39,6 +46,8 @@ class ResultCache {
 
   struct State;
   std::unique_ptr<State> state_;
+  std::shared_ptr<store::InterpolatedFrames> interpolated_frames_ =
+      std::make_shared<store::InterpolatedFrames>();
 };
 
 }  // namespace raystage::render

@@ -4,7 +4,8 @@
 //   1. matching with up to 8 neighbours on planes of even inverse depth (match_row(): mean of the
 //      smaller half of the truncated luma differences), and semi-global matching (Hirschmueller
 //      2008, matching);
-//   2. fusion of the hypotheses of the neighbours and the camera itself (fusion.cpp);
+//   2. fusion of the hypotheses of the neighbours and the camera itself (fusion.cpp), and less
+//      foreground fattening (foreground_fattening.cpp);
 //   3. refinement by fractions of a pixel against all cameras that see the point (refine_row():
 //      Geman-McClure residuals), smoothed by domain_transform_filter() along edges of picture and
 //      depth.
@@ -31,6 +32,7 @@
 #include "matching/matching.h"
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/estimation_memory.h"
+#include "render/depth/foreground_fattening.h"
 #include "render/depth/fusion.h"
 #include "render/depth/matching_image.h"
 #include "render/depth/warp.h"
@@ -59,7 +61,7 @@ class Solver {
       pixels.push_back(pixels_of(depths_.pinholes[i]));
     }
     initial_pass_ = {positions_read(options.neighbours), true, false};
-    fusion_pass_ = {initial_pass_.reads, false, true};
+    fusion_pass_ = {initial_pass_.reads, true, true};
     refinement_pass_ = {positions_read(options.support_views), true, true};
     is_read_here_.assign(members_.size(), group_ == nullptr);
     for (const EstimationPass* pass : {&initial_pass_, &refinement_pass_}) {
@@ -181,9 +183,9 @@ class Solver {
 
   /// Returns the memory of the camera that needs most.
   CameraMemory camera_bytes() const {
-    constexpr std::size_t kOpenBytes = 10;     // per pixel: a decoded frame and its luma, twice
+    constexpr std::size_t kOpenBytes = 14;     // per pixel: a decoded frame and its luma, twice
     constexpr std::size_t kRefineBytes = 44;   // costs, links, smoothed depths
-    constexpr std::size_t kMoreToFuse = 16;    // voted depths, support, filled depths
+    constexpr std::size_t kMoreToFuse = 24;    // voted depths, support, filled depths
     constexpr std::size_t kPlenty = 200;       // most cost volumes fit in memory
     constexpr std::size_t kSmall = 1U << 17U;  // tables, weights of tiles, rows
     constexpr std::size_t kTile = 4 * kDepthTile * kDepthTile;
@@ -337,7 +339,10 @@ class Solver {
     for (const int other : neighbours(camera, options_.neighbours)) {
       hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
-    return fuse_hypotheses(view, hypotheses, {tolerance(), depth_estimation::kMinSupport});
+    return reduce_foreground_fattening(
+        fuse_hypotheses(view, hypotheses, {tolerance(), depth_estimation::kMinSupport}),
+        image(camera), neighbour_views(camera, options_.neighbours),
+        depths_.inverse_depth_per_pixel);
   }
 
   EdgeWeights links(const InverseDepthMap& depths, const MatchingImage& picture) const {

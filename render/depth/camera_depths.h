@@ -71,11 +71,12 @@ struct CameraDepths {
 /// Returns the depths of all cameras, estimated in three passes over the cameras:
 ///   1. matching with the neighbours (mean of the smaller half of the differences, semi-global
 ///      matching);
-///   2. fusion: each pixel takes the hypothesis that most neighbours support, its own included;
+///   2. fusion: each pixel takes the hypothesis that most neighbours support, its own included, and
+///      those that took the depth of a surface in front are corrected (foreground_fattening.h);
 ///   3. refinement by fractions of a pixel to the depth at which the support views agree best,
 ///      smoothed by a filter that stops at edges of luma and of depth.
 /// The result depends on neither the number of threads nor `working_bytes`, which limits the memory
-/// in addition to the result. It includes a matching image per camera (4 bytes a pixel, computed
+/// in addition to the result. It includes a matching image per camera (6 bytes a pixel, computed
 /// again if not all fit) and a second map until the neighbours have read the first. The rest is the
 /// memory of the cameras in flight. See EstimationMemory. Throws Error (bad input) if a frame
 /// cannot be read or if one camera at a time does not fit.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 
@@ -13,6 +14,7 @@
 #include "matching/matching.h"
 #include "render/depth/camera_depths.h"
 #include "render/depth/estimation_kernels.h"
+#include "render/depth/foreground_fattening.h"
 #include "render/depth/fusion.h"
 
 namespace raystage::render {
@@ -33,7 +35,8 @@ double bilinear(const Plane& plane, double u, double v) {
 
 /// See MatchingImage.
 struct Picture {
-  Plane luma;  ///< -1 if the frame does not show the pixel
+  Plane luma;       ///< -1 if the frame does not show the pixel
+  Plane blue, red;  ///< less luma, halved, around 128
 
   bool shows(double u, double v) const {
     const int x = static_cast<int>(std::clamp(u - 0.5, 0.0, luma.width - 1.0));
@@ -46,7 +49,7 @@ struct Picture {
 
 Picture picture_of(const store::DecodedFrame& frame, store::BlendSpace space,
                    const rig::CameraModel& model, const VirtualCamera& pinhole) {
-  Plane luma(frame.width, frame.height, 0);
+  Plane luma(frame.width, frame.height, 0), blue = luma, red = luma;
   const auto code = [&](std::size_t i) {
     const int upper_bits = frame.rgba[i] >> 4U;  // 12 of 16
     const double upper = upper_bits / 4095.0;
@@ -55,9 +58,12 @@ Picture picture_of(const store::DecodedFrame& frame, store::BlendSpace space,
   for (std::size_t i = 0; i < luma.values.size(); ++i) {
     const double y = 0.299 * code(4 * i) + 0.587 * code(4 * i + 1) + 0.114 * code(4 * i + 2);
     luma.values[i] = std::max(1.0, std::floor(y + 0.5));
+    red.values[i] = std::clamp(std::floor((code(4 * i) - y) / 2 + 128.5), 0.0, 255.0);
+    blue.values[i] = std::clamp(std::floor((code(4 * i + 2) - y) / 2 + 128.5), 0.0, 255.0);
   }
-  if (!model.has_distortion()) return {luma};
-  Plane straight(pinhole.width, pinhole.height, -1);
+  if (!model.has_distortion()) return {luma, blue, red};
+  const Plane unknown(pinhole.width, pinhole.height, -1);
+  Picture straight{unknown, unknown, unknown};
   const schemas::Intrinsics& k = pinhole.intrinsics;
   for (int y = 0; y < pinhole.height; ++y) {
     for (int x = 0; x < pinhole.width; ++x) {
@@ -66,10 +72,15 @@ Picture picture_of(const store::DecodedFrame& frame, store::BlendSpace space,
           pixel->y() > frame.height) {
         continue;
       }
-      straight.at(x, y) = std::floor(bilinear(luma, pixel->x(), pixel->y()) + 0.5);
+      const auto resampled = [&](const Plane& plane) {
+        return std::floor(bilinear(plane, pixel->x(), pixel->y()) + 0.5);
+      };
+      straight.luma.at(x, y) = resampled(luma);
+      straight.blue.at(x, y) = resampled(blue);
+      straight.red.at(x, y) = resampled(red);
     }
   }
-  return {straight};
+  return straight;
 }
 
 struct Place {
@@ -174,23 +185,32 @@ class Reference {
     return guess;
   }
 
-  /// Returns the cost of match_row(), or nullopt if no neighbour sees the point.
-  std::optional<double> guess_cost(int camera, int x, int y, double depth) const {
-    constexpr double kTruncation = 40;  // codes of 255
+  /// Returns the mean of the smaller half of the differences to the neighbours, codes, or nullopt
+  /// if none sees the point.
+  std::optional<double> luma_difference(
+      int camera, int x, int y, double depth,
+      double truncation = std::numeric_limits<double>::infinity()) const {
     const Picture& own = picture(camera);
     std::vector<double> differences;
     for (const int other : neighbours(camera, options_.neighbours)) {
       const auto at = place_of(pinhole(other), pinhole(camera), x, y, depth);
       if (!at || !own.shows_pixel(x, y) || !picture(other).shows(at->u, at->v)) continue;
       const double off = bilinear(picture(other).luma, at->u, at->v) - own.luma.at(x, y);
-      differences.push_back(std::min(std::abs(off), kTruncation));
+      differences.push_back(std::min(std::abs(off), truncation));
     }
     if (differences.empty()) return std::nullopt;
     std::ranges::sort(differences);
     differences.resize((differences.size() + 1) / 2);
     double sum = 0;
     for (const double difference : differences) sum += difference;
-    return 255 / kTruncation * sum / static_cast<double>(differences.size());
+    return sum / static_cast<double>(differences.size());
+  }
+
+  /// Returns the cost of match_row(), or nullopt if no neighbour sees the point.
+  std::optional<double> guess_cost(int camera, int x, int y, double depth) const {
+    constexpr double kTruncation = 40;  // codes of 255
+    const auto difference = luma_difference(camera, x, y, depth, kTruncation);
+    return difference ? std::optional(255 / kTruncation * *difference) : std::nullopt;
   }
 
   InverseDepthMap agreed(int camera) const {
@@ -200,10 +220,92 @@ class Reference {
     for (const int other : neighbours(camera, options_.neighbours)) {
       hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
-    return fuse_hypotheses_reference(
+    InverseDepthMap fused = fuse_hypotheses_reference(
         view, hypotheses,
         {static_cast<float>(options_.tolerance_px * depths_.inverse_depth_per_pixel),
          depth_estimation::kMinSupport});
+    for (int i = 0; i < foreground_fattening::kRounds; ++i) fused = less_fattened(camera, fused);
+    return fused;
+  }
+
+  /// See reduce_foreground_fattening(): one round.
+  InverseDepthMap less_fattened(int camera, const InverseDepthMap& depths) const {
+    using namespace foreground_fattening;
+    const Picture& own = picture(camera);
+    const int reach = fattening_reach(depths.width);
+    const auto apart = static_cast<float>(kApartPx * depths_.inverse_depth_per_pixel);
+    InverseDepthMap behind(depths.width, depths.height, kUnknownDepth);
+    Plane worse(depths.width, depths.height, 0);
+    for (int y = 0; y < depths.height; ++y) {
+      for (int x = 0; x < depths.width; ++x) {
+        const float depth = depths.at(x, y);
+        if (depth < 0 || !own.shows_pixel(x, y)) continue;
+        // The first pixel of the same colour that is far enough, and its distance.
+        struct Found {
+          float depth = kUnknownDepth;
+          int distance = 0;
+        };
+        const auto look = [&](int dx, int dy) {
+          for (int i = 1; i <= reach; ++i) {
+            const int column = x + i * dx, row = y + i * dy;
+            if (!depths.contains(column, row)) break;
+            const float there = depths.at(column, row);
+            if (there < 0 || there > depth - apart || !own.shows_pixel(column, row)) continue;
+            const auto apart_by = [&](const Plane& plane) {
+              return std::abs(plane.at(column, row) - plane.at(x, y));
+            };
+            if (apart_by(own.luma) <= kSameColour &&
+                apart_by(own.blue) + apart_by(own.red) <= kSameColour) {
+              return Found{there, i};
+            }
+          }
+          return Found{};
+        };
+        std::vector<float> candidates, between;
+        for (const auto& [dx, dy] : {std::pair(1, 0), {0, 1}, {1, 1}, {1, -1}}) {
+          const Found ahead = look(dx, dy), back = look(-dx, -dy);
+          for (const Found& found : {ahead, back}) {
+            if (found.distance > 0) candidates.push_back(found.depth);
+          }
+          if (ahead.distance == 0 || back.distance == 0) continue;
+          const float part = static_cast<float>(ahead.distance) /
+                             static_cast<float>(ahead.distance + back.distance);
+          between.push_back(ahead.depth + part * (back.depth - ahead.depth));
+        }
+        if (candidates.size() < kDirections) continue;
+        candidates.insert(candidates.end(), between.begin(), between.end());
+        std::optional<double> least;
+        for (const float candidate : candidates) {
+          const auto found = luma_difference(camera, x, y, static_cast<double>(candidate));
+          if (!found || (least && *found >= *least - kBetter)) continue;
+          least = found;
+          behind.at(x, y) = candidate;
+        }
+        const auto now = luma_difference(camera, x, y, static_cast<double>(depth));
+        constexpr double kInfinity = std::numeric_limits<double>::infinity();
+        if (least) worse.at(x, y) = now ? *least - *now : -kInfinity;
+      }
+    }
+    InverseDepthMap result = depths;
+    for (int y = 0; y < depths.height; ++y) {
+      for (int x = 0; x < depths.width; ++x) {
+        if (behind.at(x, y) < 0 || worse.at(x, y) > kSlack) continue;
+        std::vector<double> around;
+        for (int row = y - kMeanRadius; row <= y + kMeanRadius; ++row) {
+          for (int column = x - kMeanRadius; column <= x + kMeanRadius; ++column) {
+            if (behind.contains(column, row) && behind.at(column, row) >= 0) {
+              around.push_back(std::clamp(worse.at(column, row), -10.0, 10.0));
+            }
+          }
+        }
+        double sum = 0;
+        for (const double value : around) sum += value;
+        if (sum / static_cast<double>(around.size()) <= kMeanSlack) {
+          result.at(x, y) = behind.at(x, y);
+        }
+      }
+    }
+    return result;
   }
 
   float link(int camera, int x, int y, int other_x, int other_y) const {

@@ -32,7 +32,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint32_t kAlgorithm = 3;  ///< raise it if equal inputs give different depths
+constexpr std::uint32_t kAlgorithm = 4;  ///< raise it if equal inputs give different depths
 constexpr std::size_t kDigits = 16;
 
 /// Sets the set's time of use; failure is ignored. Everyone who may write to the folder may set
@@ -198,9 +198,18 @@ DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimat
   key.instant = key.set;
   for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
     const int frame = instant.frame_of_camera[i];
-    const auto jpeg =
-        frame < 0 ? store::FrameBytes() : instant.take->archive(static_cast<int>(i)).jpeg(frame);
-    key.instant = XXH3_64bits_withSeed(jpeg.data(), jpeg.size(), key.instant);
+    const auto add = [&](int added) {
+      const auto jpeg =
+          added < 0 ? store::FrameBytes() : instant.take->archive(static_cast<int>(i)).jpeg(added);
+      key.instant = XXH3_64bits_withSeed(jpeg.data(), jpeg.size(), key.instant);
+    };
+    const auto sources = instant.cache->sources_of(frame);
+    add(sources ? sources->first : frame);
+    if (!sources) continue;
+    add(sources->second);
+    std::array<std::byte, 8> part{};
+    store_little_endian(part, 0, std::bit_cast<std::uint64_t>(sources->part));
+    key.instant = XXH3_64bits_withSeed(part.data(), part.size(), key.instant);
   }
   return key;
 }

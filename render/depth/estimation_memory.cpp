@@ -17,7 +17,7 @@ namespace {
 /// Returns the largest number of bytes of images and new maps, for groups of `group` cameras.
 std::size_t bytes_held(const EstimationPass& pass, const std::vector<std::size_t>& pixels,
                        std::size_t group) {
-  constexpr std::size_t kWord = 4;  // of a matching image, of a map
+  constexpr std::size_t kImage = 6, kMap = 4;  // bytes per pixel
   const std::size_t count = pixels.size();
   const std::vector<std::size_t> last_readers = pass.last_readers();
   std::size_t most = 0;
@@ -30,9 +30,9 @@ std::size_t bytes_held(const EstimationPass& pass, const std::vector<std::size_t
         is_shown[i] = true;
         for (const std::size_t other : pass.reads[i]) is_shown[other] = true;
       }
-      if (pass.maps && last_readers[i] >= begin) held += kWord * pixels[i];
+      if (pass.maps && last_readers[i] >= begin) held += kMap * pixels[i];
     }
-    for (std::size_t i = 0; i < count; ++i) held += is_shown[i] ? kWord * pixels[i] : 0;
+    for (std::size_t i = 0; i < count; ++i) held += is_shown[i] ? kImage * pixels[i] : 0;
     most = std::max(most, held);
   }
   return most;

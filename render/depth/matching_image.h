@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -29,11 +30,16 @@ class MatchingImage {
     return static_cast<std::uint8_t>(words_[static_cast<std::size_t>(y) * width_ + x]);
   }
   bool is_known(int x, int y) const { return luma(x, y) != 0; }
+  /// Returns the differences of blue and red from luma, halved, around 128: codes.
+  std::array<std::uint8_t, 2> chroma(int x, int y) const {
+    return chroma_[static_cast<std::size_t>(y) * width_ + x];
+  }
   std::vector<std::uint8_t> plane() const;  ///< returns all luma, row-major
 
  private:
   int width_ = 0, height_ = 0;
   std::vector<std::uint32_t> words_;
+  std::vector<std::array<std::uint8_t, 2>> chroma_;
 };
 
 }  // namespace raystage::render

@@ -62,6 +62,9 @@ const connection = new Connection({
       if (message.live !== undefined) followLive(message.live);
       else if (message.list !== undefined) folder.show(message.list);
       document.body.classList.toggle("without-shot", message.list !== undefined);
+    } else if (message.type === "ranges") {
+      state.rangesMessage = message;
+      showRanges();
     } else if (message.type === "progress") {
       showProgress(message);
     } else if (message.type === "shot") {
@@ -82,12 +85,15 @@ const connection = new Connection({
 const view = new View(element("stage"), element("picture"), element("guides"), {
   request: (quality) => state.shot && !live.isOn && {
     ...seen(), ...state.arrangement, width: view.width, height: view.height, quality, look: state.look,
-    comparison: quality === "resting" ? comparison.member() : undefined,
+    comparison: quality === "resting" ? comparison.member() : undefined, subject: quality === "resting" && state.subject || undefined,
   },
   send: (members) => connection.send("view", members),
   compared: () => [state.shot?.layers.find(({ method }) => method)?.method ?? "This shot", comparison.label()],
   shown: {
-    picture: (header) => panels.showFacts(header),
+    picture: (header) => {
+      panels.showFacts(header);
+      showRanges();
+    },
     resized: () => drawGuides(element("guides"), element("guides-kind").value, state.shot),
   },
 });
@@ -181,6 +187,12 @@ function showProgress({ id, share }) {
   element("progress").value = share;
 }
 
+/** Shows the ranges of motion that came last once their picture is shown, unless the view has moved since. */
+function showRanges() {
+  if (!state.rangesMessage || view.wanted || view.underWay.size > 0) return;
+  if (state.rangesMessage.id === state.picture?.id) panels.showRanges(state.rangesMessage);
+}
+
 function setCamera(next, inputTime = performance.now()) {
   if (!camera()) return;
   state.own = next;
@@ -192,6 +204,7 @@ function setCamera(next, inputTime = performance.now()) {
 // The shot.
 
 function showShot(message) {
+  state.nested = state.rangesMessage = null;
   if (message.is_opened && message.id === 0 && state.shot) return;  // the first shot, after a lost connection
   if (message.is_opened) {
     const unsaved = state.shot && shotText.isChanged() ? { file: shotText.file, text: shotText.text() } : null;
@@ -199,6 +212,8 @@ function showShot(message) {
     shotText.reset(message.file, message.text);
     files.reset();
     state.own = null;
+    state.subject = null;
+    state.subjectRanges = [];
     notes.reset(message.notes);
     live.stop();
     sources.show("view");
@@ -325,7 +340,7 @@ const cursor = new Cursor(element("cursor"), element("stage"), {
   pressed: (event) => (sources.mode === "view" ? focusAt(event) : sources.click(event)),
 });
 
-const panels = makePanels({ state, shotText, timeline, camera, setCamera, sendShot, say, changed: () => files.autosave() });
+const panels = makePanels({ state, shotText, timeline, camera, setCamera, sendShot, say, restView: () => view.rest(), changed: () => files.autosave() });
 addLook({ state, view, arranged: () => state.shot && setAspect() });
 
 // Buttons and keys.

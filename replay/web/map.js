@@ -26,7 +26,24 @@ function outline(points) {
   return [...side(sorted), ...side(sorted.reverse())];
 }
 
-/** `ranges`: vertices of the convex ranges of motion. */
+/** Adds the area that the triangles of a surface cover on a panel to the path. */
+function addSilhouette(context, { vertices, triangles }, at) {
+  const points = vertices.map(at);
+  for (const triangle of triangles) {
+    let [a, b, c] = triangle.map((i) => points[i]);
+    // Areas that are traced in opposite directions would cancel each other.
+    if ((b[0] - a[0]) * (c[1] - a[1]) < (b[1] - a[1]) * (c[0] - a[0])) [b, c] = [c, b];
+    context.moveTo(...a);
+    context.lineTo(...b);
+    context.lineTo(...c);
+    context.closePath();
+  }
+}
+
+/**
+ * `ranges`: `simple`: vertices of the convex ranges of motion, known at once; `nested`: surfaces of those of shares of
+ * the rays, which replace them; `ofSubject`: surfaces of that of `subject`, a cube.
+ */
 export function drawMap(canvas, arrayCameras, camera, path, ranges) {
   const context = canvas.getContext("2d");
   context.clearRect(0, 0, canvas.width, canvas.height);
@@ -49,7 +66,24 @@ export function drawMap(canvas, arrayCameras, camera, path, ranges) {
     context.clip();
     context.fillStyle = "#191a1c";
     context.fill();
-    for (const { vertices } of ranges) {
+    for (const surface of [...ranges.nested].sort((a, b) => a.share - b.share)) {
+      context.beginPath();
+      addSilhouette(context, surface, at);
+      context.fillStyle = "#3fae9a30";
+      context.fill();
+    }
+    for (const surface of ranges.ofSubject) {
+      context.beginPath();
+      addSilhouette(context, surface, at);
+      context.fillStyle = "#a06ee040";
+      context.fill();
+    }
+    if (ranges.subject) {
+      const [x, y] = at(ranges.subject.point), edge = ranges.subject.size_m * perMetre;
+      context.strokeStyle = "#c9a6f5";
+      context.strokeRect(x - edge / 2, y - edge / 2, edge, edge);
+    }
+    for (const { vertices } of ranges.nested.length ? [] : ranges.simple) {
       if (vertices.length < 2) continue;
       context.beginPath();
       outline(vertices.map(at)).forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
@@ -93,6 +127,10 @@ export function drawMap(canvas, arrayCameras, camera, path, ranges) {
     context.fillStyle = "#9a9da3";
     context.font = "11px system-ui";
     context.fillText(title, 6, top + 14);
+    if (ranges.nested.length && panel === 0) {
+      const shares = [...new Set(ranges.nested.map(({ share }) => 100 * share))].sort((a, b) => b - a);
+      context.fillText(`range for ${shares.join(", ")} % of rays`, 40, top + 14);
+    }
     context.restore();
   });
 }

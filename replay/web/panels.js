@@ -5,13 +5,14 @@ import { addFields } from "./fields.js";
 import { drawMap } from "./map.js";
 
 const element = (id) => document.getElementById(id);
+const kSubjectSize = 0.5;  // m
 const kMotionInterval = 100;  // ms between updates of numbers while pictures move
 
 /**
- * Connects the panels. app: {state, shotText, timeline, camera(), setCamera(camera, inputTime), sendShot(), changed(), say(text)}.
- * Returns {refresh(), refreshSoon(), showLayers(), showFacts(header)}.
+ * Connects the panels. app: {state, shotText, timeline, camera(), setCamera(camera, inputTime), sendShot(), restView(), changed(), say(text)}.
+ * Returns {refresh(), refreshSoon(), showLayers(), showFacts(header), showRanges(message)}.
  */
-export function makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed, say }) {
+export function makePanels({ state, shotText, timeline, camera, setCamera, sendShot, restView, changed, say }) {
   const change = (edit) => (value) => {
     if (value !== undefined) setCamera(edit(cam.copy(camera()), value));
   };
@@ -32,6 +33,10 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
       })),
       { name: "focal-length", label: "Focal length", unit: "mm", step: 1, min: 0.1, max: 1e5, get: () => camera().focal_length_mm,
         set: change((c, v) => ({ ...c, focal_length_mm: v })) },
+    ], refresh, say),
+    addFields(element("subject-fields"), [
+      { name: "subject-size", label: "Subject", unit: "m", step: 0.1, min: 0, max: 1e6, get: () => state.subject?.size_m,
+        set: (v) => camera() && setSubject(v > 0 ? { point: state.subject?.point ?? cam.focusPoint(camera()), size_m: v } : null) },
     ], refresh, say),
     addFields(element("focus-fields"), [
       { name: "focus", label: "Distance", unit: "m", step: 0.01, min: 0.01, max: 1e6, get: () => camera().focus_m,
@@ -82,9 +87,39 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
   element("focus-slider").addEventListener("input", (event) =>
     setCamera({ ...cam.copy(camera()), focus_m: 1 / Math.max(0.001, Number(event.target.value)) }, event.timeStamp));
 
+  /** What ranges of motion depend on: not on the place. */
+  const orientationAndLens = ({ orientation, focal_length_mm, film_back_mm, shift_x, shift_y }) =>
+    JSON.stringify([orientation, focal_length_mm, film_back_mm, shift_x, shift_y]);
+
   function drawShotMap() {
     const cameras = state.shot.layers.flatMap((layer) => layer.cameras ?? []);
-    drawMap(element("map"), cameras, camera(), state.shot.path, state.ranges ?? []);
+    const isOfThisView = state.nested?.view === orientationAndLens(camera());
+    const nested = isOfThisView ? state.nested.ranges : [];
+    drawMap(element("map"), cameras, camera(), state.shot.path,
+      { simple: state.ranges ?? [], nested, subject: state.subject, ofSubject: state.subjectRanges ?? [] });
+  }
+
+  /** Sets what must be seen, or null; its range of motion follows the next resting picture. */
+  function setSubject(subject) {
+    state.subject = subject;
+    state.subjectRanges = [];
+    element("subject-note").textContent = "";
+    restView();
+    refresh();
+  }
+  element("subject-at-focus").addEventListener("click", () => {
+    if (camera()) setSubject({ point: cam.focusPoint(camera()), size_m: state.subject?.size_m ?? kSubjectSize });
+  });
+
+  /** Shows the ranges of all, 99 and 90 % of the rays of the view that rests, and that of the subject. */
+  function showRanges({ ranges }) {
+    if (!state.shot) return;
+    const nested = ranges.filter((range) => !range.of_subject);
+    if (nested.length) state.nested = { view: orientationAndLens(camera()), ranges: nested };
+    state.subjectRanges = state.subject ? ranges.filter((range) => range.of_subject) : [];
+    const reasons = state.subjectRanges.map((range) => range.empty_because).filter(Boolean);
+    element("subject-note").textContent = reasons.length ? `No range of the subject: ${reasons.join("; ")}.` : "";
+    drawShotMap();
   }
 
   function refresh() {
@@ -250,5 +285,5 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     }, kMotionInterval);
   }
 
-  return { refresh, refreshSoon, showLayers, showFacts };
+  return { refresh, refreshSoon, showLayers, showFacts, showRanges };
 }

@@ -5,8 +5,9 @@
 // its slope d_xy / b is one that the cameras see, and P_xy + t d_xy is in the hull. Both are linear
 // in d. From there it passes through the plane of another array j if t_j > t_i; multiplied by both
 // b, that is linear, too, with the sign of b_j. What is left of the view is divided by the planes
-// of each set of directions that is taken away. Cost: microseconds for an array, and some 100 for
-// six that hide each other.
+// of each set of directions that is taken away. Of arrays that are not ideal, the rays of an ideal
+// one inside of them are taken away first, and of the rest those of their cells. Cost: microseconds
+// for an ideal array, and some 100 for six that hide each other.
 #include "rig/planning/combined_arrays.h"
 
 #include <Eigen/Geometry>
@@ -117,41 +118,48 @@ std::vector<DirectionPolygon> CombinedArrays::unrecorded(
 std::vector<DirectionPolygon> CombinedArrays::unrecorded_by(
     std::size_t array, const Vector3d& position, std::vector<DirectionPolygon> directions,
     Hiding hiding) const {
-  const WallEyedArray& rays = arrays_[array].rays;
-  const Vector3d in_array = rays.pose.camera_from_world(position);
-  Cone recorded{{0, 0, -1}};
-  for (const int axis : {0, 1}) {
-    Vector3d above = Vector3d::Unit(axis), below = -Vector3d::Unit(axis);
-    above.z() = rays.slopes.least[axis];
-    below.z() = -rays.slopes.largest[axis];
-    recorded.insert(recorded.end(), {above, below});
-  }
-  add_crossing(rays.hull, in_array, recorded);
-  for (Vector3d& normal : recorded) normal = rays.pose.world_from_camera_rotation * normal;
-  std::vector<DirectionPolygon> left = without(directions, recorded);
-  const std::vector<Cone> hidden_cones = hidden(array, in_array, hiding);
-  if (hidden_cones.empty()) return left;
+  auto [recorded, left] = divide(arrays_[array], position, directions);
   // What other arrays hide stays unrecorded.
-  std::vector<DirectionPolygon> seen = within(directions, recorded);
-  for (const Cone& cone : hidden_cones) {
-    std::ranges::move(within(seen, cone), std::back_inserter(left));
-    seen = without(seen, cone);
+  for (const Cone& cone : hidden(array, position, hiding)) {
+    std::ranges::move(within(recorded, cone), std::back_inserter(left));
+    recorded = without(recorded, cone);
   }
   return left;
 }
 
+DividedDirections CombinedArrays::divide(const MemberArray& array, const Vector3d& position,
+                                         std::span<const DirectionPolygon> directions) {
+  const WallEyedArray& rays = array.rays;
+  Cone cone{{0, 0, -1}};
+  for (const int axis : {0, 1}) {
+    Vector3d above = Vector3d::Unit(axis), below = -Vector3d::Unit(axis);
+    above.z() = rays.slopes.least[axis];
+    below.z() = -rays.slopes.largest[axis];
+    cone.insert(cone.end(), {above, below});
+  }
+  add_crossing(rays.hull, rays.pose.camera_from_world(position), cone);
+  for (Vector3d& normal : cone) normal = rays.pose.world_from_camera_rotation * normal;
+  DividedDirections divided{within(directions, cone), without(directions, cone)};
+  if (array.cells.is_empty()) return divided;
+  DividedDirections others = array.cells.divide(position, std::move(divided.unrecorded));
+  std::ranges::move(others.recorded, std::back_inserter(divided.recorded));
+  divided.unrecorded = std::move(others.unrecorded);
+  return divided;
+}
+
 std::vector<CombinedArrays::Cone> CombinedArrays::hidden(std::size_t array,
-                                                         const Vector3d& in_array,
+                                                         const Vector3d& position,
                                                          Hiding hiding) const {
   std::vector<Cone> cones;
   const Pose& pose = arrays_[array].rays.pose;
+  const double depth = pose.camera_from_world(position).z();
   const Vector3d back = pose.world_from_camera_rotation.col(2);
   for (const std::size_t j : hidden_by_[array]) {
     const MemberArray& other = arrays_[j];
-    const Vector3d in_other = other.rays.pose.camera_from_world(pose.world_from_camera(in_array));
+    const Vector3d in_other = other.rays.pose.camera_from_world(position);
     const Eigen::Matrix3d& rotation = other.rays.pose.world_from_camera_rotation;
     // a_j b_i - a_i b_j as a normal.
-    const Vector3d behind = -in_other.z() * back + in_array.z() * rotation.col(2);
+    const Vector3d behind = -in_other.z() * back + depth * rotation.col(2);
     Cone cone{-Vector3d::UnitZ()};
     add_crossing(other.outline, in_other, cone);
     for (Vector3d& normal : cone) normal = rotation * normal;

@@ -7,18 +7,20 @@
 
 #include "rig/planning/direction_polygon.h"
 #include "rig/planning/range_of_motion.h"
+#include "rig/planning/recorded_cells.h"
 #include "rig/planning/wall_eyed_array.h"
 
 namespace raystage::rig {
 
 /// One of several arrays.
 struct MemberArray {
-  WallEyedArray rays;  ///< that it recorded; its hull has an area
+  WallEyedArray rays;   ///< that it recorded; its hull has an area
+  RecordedCells cells;  ///< all rays of an array that is not ideal
   /// Convex outline of its cameras in its frame and plane, counter-clockwise: what hides others.
   std::vector<Eigen::Vector2d> outline;
 };
 
-/// Several ideal arrays that record one scene, for example the six sides of a box (thesis 6.2).
+/// Several arrays that record one scene, for example the six sides of a box (thesis 6.2).
 class CombinedArrays {
  public:
   /// `hide_each_other`: an array does not record a ray that passes through another one in front of
@@ -54,7 +56,10 @@ class CombinedArrays {
   std::vector<DirectionPolygon> unrecorded_by(std::size_t array, const Eigen::Vector3d& position,
                                               std::vector<DirectionPolygon> directions,
                                               Hiding hiding) const;
-  std::vector<Cone> hidden(std::size_t array, const Eigen::Vector3d& in_array, Hiding hiding) const;
+  static DividedDirections divide(const MemberArray& array, const Eigen::Vector3d& position,
+                                  std::span<const DirectionPolygon> directions);
+  /// Returns the directions of rays that other arrays hide.
+  std::vector<Cone> hidden(std::size_t array, const Eigen::Vector3d& position, Hiding hiding) const;
 
   std::vector<MemberArray> arrays_;
   std::vector<std::vector<std::size_t>> hidden_by_;  // of each array: those in front of its plane

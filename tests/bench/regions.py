@@ -24,11 +24,11 @@ def run(*arguments):
     return subprocess.run([program, *map(str, arguments)], check=True, capture_output=True, text=True).stdout
 
 
-def measure(take, method, pictures):
-    """Returns the mean of an evaluation; keeps its views in a folder."""
+def measure(take, method, exact, pictures):
+    """Returns the mean of an evaluation; keeps its views in a folder. `exact`: at the times of the views, or the nearest ticks."""
     result = pathlib.Path(take) / "evaluation.json"
     run("evaluate", take, take / "views.json", "-q", "--method", method, "--no-pixel-counts", "--json", result,
-        *(["--out", pictures] if pictures else []))
+        *(["--exact-times"] if exact else []), *(["--out", pictures] if pictures else []))
     return json.loads(result.read_text())["mean"]
 
 
@@ -56,8 +56,10 @@ def main():
                 320, "--truth-width", 312, "--truth-height", 208, "--truth-views", 8)
             run("sync", take)
             for method in options.methods:
-                pictures = options.out / scene / method if options.out else None
-                print(row(scene, method, measure(take, method, pictures)), flush=True)
+                for exact in [False, True] if scene in SECONDS else [False]:
+                    name = method + (", exact times" if exact else "")
+                    pictures = options.out / scene / name if options.out else None
+                    print(row(scene, name, measure(take, method, exact, pictures)), flush=True)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@
 #include "simulate/scene.h"
 #include "simulate/sensor_model.h"
 #include "simulate/simulated_rig.h"
-#include "store/processing/retime/frame_interpolation.h"
+#include "store/processing/motion/frame_interpolation.h"
 
 namespace raystage {
 namespace {
@@ -111,8 +111,8 @@ void compare(Stage& stage, double gap, const std::filesystem::path& folder) {
       const store::FlowImage a = store::make_flow_image(stage.picture(camera, begin, true));
       const store::FlowImage b = store::make_flow_image(stage.picture(camera, begin + gap, true));
       auto start = Clock::now();
-      const store::FlowField b_from_a = estimator.estimate(a, b),
-                             a_from_b = estimator.estimate(b, a);
+      const store::FlowField b_from_a = estimator.estimate(a.luma, b.luma),
+                             a_from_b = estimator.estimate(b.luma, a.luma);
       motion_ms += milliseconds_since(start);
       for (const double part : {0.1, 0.3, 0.5, 0.7, 0.9}) {
         const store::RgbImage truth = stage.picture(camera, begin + part * gap, false);

@@ -44,7 +44,7 @@ SHOT = {
 # Pass of Blender: channels of the file.
 PASSES = {
     "Combined": ["R", "G", "B", "A"], "Depth": ["Z"], "P": ["P.X", "P.Y", "P.Z"], "N": ["N.X", "N.Y", "N.Z"],
-    "albedo": ["albedo.R", "albedo.G", "albedo.B"],
+    "albedo": ["albedo.R", "albedo.G", "albedo.B"], "motion": ["motion.X", "motion.Y", "motion.Z", "motion.W"],
     "coverage": ["coverage.V"], "confidence": ["confidence.V"], "cameras": ["cameras.V"], "nearest": ["nearest.V"],
     **{f"CryptoObject{i:02}": [f"CryptoObject{i:02}.{c}" for c in "RGBA"] for i in range(3)},
 }
@@ -127,6 +127,31 @@ class BlenderExr(unittest.TestCase):
         with self.subTest("all measures"):
             aovs = ["lf.coverage", "lf.confidence", "lf.cameras", "lf.nearest", "P", "N", "albedo"]
             self.expect_all_passes(self.render("measures", {"aovs": aovs}), always | {"confidence", "cameras", "nearest"})
+
+    def test_motion_blurs_what_moves(self) -> None:
+        cards = {**SHOT["layers"][1], "geometry": {**SHOT["layers"][1]["geometry"], "keys": [
+            {"frame": 1, "position": [-0.2, 0, -2]}, {"frame": 3, "position": [0.2, 0, -2]}]}}
+        aovs = ["P", "N", "albedo", "motion"]
+        file = self.render("moving", {"aovs": aovs}, schema="raystage/shot/3", layers=[cards], first_frame=2, last_frame=2)
+        file = file.with_name("moving.0002.exr")
+        self.expect_all_passes(file, {"Combined", "Depth", "P", "N", "albedo", "motion"})
+        folder = self.folder / (file.stem + "-passes")
+
+        def profile(of: pathlib.Path, crop: str) -> list:
+            """Returns R of a row or column of pixels, relative to the squares' own."""
+            line = self.folder / "line.exr"
+            run("oiiotool", of, "--subimage", 0, "--ch", "R", "--crop", crop, "-d", "float", "-o", line)
+            text = run("oiiotool", "--dumpdata", line)
+            values = [float(pixel.rsplit(":", 1)[1].split()[0]) for pixel in text.splitlines() if pixel.strip().startswith("Pixel")]
+            return [value / 0.35 for value in values]
+
+        row, column = f"{SIZE[0]}x1+0+{SIZE[1] // 2}", f"1x{SIZE[1]}+{SIZE[0] // 2}+0"
+        blurred = folder / "blurred_0001.exr"
+        edges = lambda values: sum(0.02 < value < 0.98 for value in values)
+        # The squares move by 8.6 pixels a frame, to the right only.
+        self.assertLessEqual(edges(profile(file, row)), 4)
+        self.assertGreaterEqual(edges(profile(blurred, row)), 9)
+        self.assertEqual(edges(profile(blurred, column)), edges(profile(file, column)))
 
     def test_cryptomatte_picks_each_object(self) -> None:
         file = self.render("crypto", {"cryptomatte": True, "compression": "zip"})

@@ -4,6 +4,7 @@
     blender -b --factory-startup -P read_passes.py -- FILE.exr FOLDER WIDTH HEIGHT [OBJECT...]
 
 Pass n becomes FOLDER/n_0001.exr. OBJECT: picked by the Cryptomatte node, written as OBJECT m in FOLDER/object_m_0001.exr.
+With a pass `motion` the picture, blurred by it, is FOLDER/blurred_0001.exr (Vector Blur, shutter of one frame).
 Prints "PASSES " and a JSON object.
 """
 import json
@@ -50,6 +51,14 @@ for name in names:
         if socket.enabled:
             write(socket, str(len(passes)))
             passes.append([name or "", socket.name])
+named = {socket.name: socket for node in nodes if node.bl_idname == "CompositorNodeImage" for socket in node.outputs if socket.enabled}
+if "motion" in named:
+    blur = nodes.new("CompositorNodeVecBlur")
+    blur.samples, blur.factor, blur.use_curved = 64, 1, False
+    links.new(named["Combined"], blur.inputs["Image"])
+    links.new(named["Depth"], blur.inputs["Z"])
+    links.new(named["motion"], blur.inputs["Speed"])
+    write(blur.outputs["Image"], "blurred")
 for number, picked in enumerate(objects):
     matte = nodes.new("CompositorNodeCryptomatteV2")
     matte.source = "IMAGE"

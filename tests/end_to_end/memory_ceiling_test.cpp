@@ -68,7 +68,10 @@ class RecordCeiling : public ::testing::Test {
         continue;
       }
       EXPECT_EQ(camera.at("arrived"), camera.at("stored")) << camera.dump(1);
-      EXPECT_EQ(camera.at("skipped_by_source"), 0) << camera.dump(1);
+      // A simulated camera that a busy machine wakes up too late skips a frame, as real ones do.
+      EXPECT_LT(camera.at("skipped_by_source").get<double>(),
+                0.1 * camera.at("stored").get<double>())
+          << camera.dump(1);
       EXPECT_GT(camera.at("stored"), 30) << camera.dump(1);
     }
     EXPECT_EQ(run("cd '" + folder_.path().string() + "' && raystage verify -q take").exit_code, 0);

@@ -56,14 +56,15 @@ class Ranks : public ::testing::Test {
 
   void write_shot(const std::string& method, const std::string& options, int frames = 2) const {
     write_text(folder_.path() / "shot.json",
-               R"({"schema": "raystage/shot/2", "width": 160, "height": 120, "fps": 10,
+               R"({"schema": "raystage/shot/3", "width": 160, "height": 120, "fps": 10,
   "first_frame": 1, "last_frame": )" +
                    std::to_string(frames) + R"(, "camera": {"keys": [
   {"frame": 1, "position": [-0.05, 0, 0.4], "target": [0, 0, -5], "horizontal_fov_deg": 40},
   {"frame": 9, "position": [0.05, 0.02, 0.4], "target": [0, 0, -5], "horizontal_fov_deg": 40}]},
   "layers": [{"take": "take", "method": ")" +
                    method + R"(", "options": )" + options +
-                   R"(, "focal_plane": {"depth_m": 5}, "start_seconds": 0.5}]})");
+                   R"(, "focal_plane": {"depth_m": 5}, "start_seconds": 0.5, "time": ")" + time_ +
+                   R"("}]})");
   }
 
   CommandResult here(const std::string& command) const {
@@ -114,6 +115,7 @@ class Ranks : public ::testing::Test {
   }
 
   testing::TestFolder folder_;
+  std::string time_ = "tick";
 };
 
 TEST_F(Ranks, RenderTheViewsOfFocalPlanesAsOneProcessDoes) {
@@ -131,6 +133,20 @@ TEST_F(Ranks, RenderTheViewsOfLumigraphsAndSlabsAsOneProcessDoes) {
 TEST_F(Ranks, FetchPartsOfFramesForPlaneSweep) { expect_equal_to_local("plane_sweep", "{}", true); }
 
 TEST_F(Ranks, FindDepthsTogether) { expect_equal_to_local("depth", R"({"near": 2, "far": 12})"); }
+
+// Each rank interpolates the pictures of its own cameras; for plane sweep, those that it fetched.
+TEST_F(Ranks, RenderExactTimesAsOneProcessDoes) {
+  time_ = "exact";
+  expect_equal_to_local("focal_plane", "{}");
+  expect_equal_to_local("plane_sweep", "{}", true);
+  expect_equal_to_local("depth", R"({"near": 2, "far": 12})");
+  write_shot("focal_plane", "{}");
+  ASSERT_EQ(render_locally().exit_code, 0);
+  time_ = "tick";
+  write_shot("focal_plane", "{}");
+  ASSERT_EQ(here("raystage render shot.json -j 1 -o tick/f.####.exr").exit_code, 0);
+  EXPECT_GT(difference("local", "tick", 1).share, 0.01) << "the cameras run freely";
+}
 
 TEST_F(Ranks, SayWhatCrossedBetweenThem) {
   write_shot("focal_plane", "{}");

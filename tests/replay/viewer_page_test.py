@@ -53,10 +53,43 @@ class Flying(PageTest):
         self.assertGreater(extent(narrow)[2], 0.1, "it is as deep as the array is wide, over twice the tangent")
         if wide["vertices"]:
             self.assertGreater(extent(narrow)[2], 1.5 * extent(wide)[2])
+        # Afterwards those of all, 99 and 90 % of the rays, as the cameras see them.
+        self.wait_for("return raystage.state.nested && raystage.state.nested.view.includes(raystage.camera().focal_length_mm)")
+        nested = self.js("return raystage.state.nested.ranges")
+        self.assertEqual([one["share"] for one in nested], [1, 0.99, 0.9])
+        depths = [extent(one)[2] for one in nested]
+        self.assertEqual(depths, sorted(depths))
+        self.assertGreater(depths[2], 1.02 * depths[0])
+        for axis in range(3):
+            self.assertGreater(extent(nested[0])[axis], 0.97 * extent(narrow)[axis], "it contains the simple one")
         green = """const c = document.getElementById('map'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
           let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i + 1] > d[i] + 8 && d[i + 1] > d[i + 2] + 4; return n"""
         self.assertGreater(self.js(green), 200)
         self.screenshot("range of motion")
+
+    def test_the_map_draws_the_range_of_a_subject(self) -> None:
+        self.refined()
+        self.element("subject-at-focus").click()
+        self.wait_for("return raystage.state.subjectRanges.length === 1 && raystage.state.subjectRanges[0].vertices.length > 0")
+        subject = self.js("return raystage.state.subject")
+        self.assertLess(distance(subject["point"], self.focus_point()), 1e-6)
+        self.assertEqual(self.element("subject-size").get_attribute("value"), "0.5")
+        depth = lambda: max(v[2] for v in self.js("return raystage.state.subjectRanges[0].vertices"))
+        wide = depth()
+        violet = """const c = document.getElementById('map'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+          let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i + 2] > d[i + 1] + 10 && d[i] > d[i + 1] + 4; return n"""
+        self.assertGreater(self.js(violet), 100)
+        self.screenshot("range of a subject")
+        # A larger subject is seen from fewer places, and one that is not in front of the array from none.
+        self.js("const f = document.getElementById('subject-size'); f.value = 1.2; f.dispatchEvent(new Event('change'))")
+        self.wait_for("return raystage.state.subjectRanges.length === 1")
+        self.assertLess(depth(), wide)
+        self.js("const f = document.getElementById('subject-size'); f.value = 1000; f.dispatchEvent(new Event('change'))")
+        self.wait_for("return document.getElementById('subject-note').textContent.includes('not in front')")
+        self.js("const f = document.getElementById('subject-size'); f.value = 0; f.dispatchEvent(new Event('change'))")
+        self.refined()
+        self.assertEqual(self.js(violet), 0)
+        self.assertEqual(self.element("subject-note").text, "")
 
     def test_dragging_orbits_about_the_focus_point(self) -> None:
         before, seen, point = self.camera(), self.pixels(), self.focus_point()

@@ -16,11 +16,14 @@
 #include <mutex>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "base/error.h"
+#include "base/transfer_function.h"
 #include "store/processing/frames/frame_pages.h"
 #include "store/processing/frames/incremental_decode.h"
 #include "store/processing/frames/photometric_correction.h"
+#include "store/processing/motion/frame_interpolation.h"
 
 namespace raystage::store {
 namespace {
@@ -65,21 +68,27 @@ bool contains(const DecodedFrame& frame, const McuMask& wanted) {
 
 struct FrameCache::State {
   State(const Take& of_take, std::size_t budget_bytes, double with_full_scale, BlendSpace in_space,
-        std::shared_ptr<const FrameMatte> with_matte)
+        std::shared_ptr<const FrameMatte> with_matte,
+        std::shared_ptr<const InterpolatedFrames> with_interpolated)
       : take(of_take),
         budget(budget_bytes),
         full_scale(with_full_scale),
         space(in_space),
-        matte(std::move(with_matte)) {}
+        matte(std::move(with_matte)),
+        interpolated(std::move(with_interpolated)) {}
 
   const Take& take;
   std::size_t budget;
   double full_scale;
   BlendSpace space;
   std::shared_ptr<const FrameMatte> matte;
+  std::shared_ptr<const InterpolatedFrames> interpolated;
   bool is_white = false;
   std::vector<PhotometricCorrection> corrections;
   tbb::enumerable_thread_specific<JpegDecoder> decoders;
+  tbb::enumerable_thread_specific<OpticalFlowEstimator> flow_estimators;
+  std::once_flag has_interpolated;
+  std::vector<std::uint8_t> codes;  // set once there are interpolated frames
   std::atomic<FetchGroup> last_fetch_group = kUngrouped;
   std::atomic<std::int64_t> decode_nanoseconds = 0, jpeg_bytes = 0;
 
@@ -94,7 +103,8 @@ struct FrameCache::State {
   std::size_t spare_bytes = 0;
   std::map<std::pair<int, int>, std::shared_ptr<const DecodedFrame>> white_frames;  // by size
 
-  JpegLayout white_layout(int camera) const {
+  /// Returns the layout of a picture that has no JPEG.
+  JpegLayout whole_layout(int camera) const {
     const rig::CameraModel& model = take.rig().cameras[camera].model;
     JpegLayout layout;
     layout.width = model.width();
@@ -105,7 +115,7 @@ struct FrameCache::State {
   }
 
   std::shared_ptr<const DecodedFrame> white_frame(int camera) {
-    const JpegLayout layout = white_layout(camera);
+    const JpegLayout layout = whole_layout(camera);
     const std::scoped_lock lock(mutex);
     auto& known = white_frames[{layout.width, layout.height}];
     if (known) return known;
@@ -137,6 +147,9 @@ struct FrameCache::State {
   }
 
   const JpegLayout& layout_of(const Key& key, Entry& held) {
+    if (!held.layout && InterpolatedFrames::is_interpolated(key.second)) {
+      held.layout = std::make_shared<const JpegLayout>(whole_layout(key.first));
+    }
     if (!held.layout) {
       auto layout =
           std::make_shared<JpegLayout>(take.archive(key.first).layout(key.second, name_of(key)));
@@ -246,6 +259,52 @@ struct FrameCache::State {
     return frame;
   }
 
+  /// Returns the frame between two frames, which are whole.
+  DecodedFrame interpolate(const JpegLayout& layout, const DecodedFrame& a, const DecodedFrame& b,
+                           double part) {
+    const auto start = std::chrono::steady_clock::now();
+    std::call_once(has_interpolated, [&] {
+      use_one_opencv_thread();
+      codes = codes_of_levels();
+    });
+    DecodedFrame frame = unset_frame(layout);
+    const Luma luma_a = luma_of(a), luma_b = luma_of(b);
+    OpticalFlowEstimator& estimator = flow_estimators.local();
+    const FlowField b_from_a = estimator.estimate(luma_a, luma_b),
+                    a_from_b = estimator.estimate(luma_b, luma_a);
+    interpolate_levels({luma_a, luma_b, b_from_a, a_from_b}, part, pixels_of(a), pixels_of(b),
+                       pixels_of(frame));
+    decode_nanoseconds += std::chrono::duration_cast<std::chrono::nanoseconds>(
+                              std::chrono::steady_clock::now() - start)
+                              .count();
+    return frame;
+  }
+
+  /// Returns the 8-bit sRGB code of each level.
+  std::vector<std::uint8_t> codes_of_levels() const {
+    constexpr double kWhite = 255, kLevels = 65535;
+    std::vector<std::uint8_t> table(static_cast<std::size_t>(kLevels) + 1);
+    for (std::size_t level = 0; level < table.size(); ++level) {
+      const double value = static_cast<double>(level) / kLevels;
+      const double light = space == BlendSpace::kLinear ? value : linear_from_srgb(value);
+      const double code = srgb_from_linear(std::min(1.0, light * full_scale));
+      table[level] = static_cast<std::uint8_t>(std::clamp(kWhite * code + 0.5, 0.0, kWhite));
+    }
+    return table;
+  }
+
+  /// Returns the luma of the 8-bit codes, as make_flow_image().
+  Luma luma_of(const DecodedFrame& frame) const {
+    Luma luma(frame.width, frame.height);
+    const std::span<const std::uint16_t> levels = pixels_of(frame);
+    for (std::size_t i = 0; i < luma.values.size(); ++i) {
+      const unsigned sum = 77U * codes[levels[4 * i]] + 150U * codes[levels[4 * i + 1]] +
+                           29U * codes[levels[4 * i + 2]];
+      luma.values[i] = static_cast<std::uint8_t>((sum + 128U) >> 8U);
+    }
+    return luma;
+  }
+
   /// Returns a copy of `held`, which other threads may be using, with the `wanted` MCUs added.
   DecodedFrame decode_more(const Key& key, const JpegLayout& layout, const DecodedFrame& held,
                            const McuMask& wanted, std::int64_t& pixels_decoded) {
@@ -257,6 +316,18 @@ struct FrameCache::State {
     pixels_decoded += decode_into(frame, key, layout, added.to_decode());
     added.copy_held(pixels_of(held), pixels_of(frame));
     return frame;
+  }
+
+  /// Keeps a decoded frame, unless its entry was evicted meanwhile.
+  void keep(const Key& key, const std::shared_ptr<Entry>& entry,
+            const std::shared_ptr<const DecodedFrame>& decoded) {
+    const std::scoped_lock lock(mutex);
+    const auto kept = entries.find(key);
+    if (kept == entries.end() || kept->second != entry) return;
+    bytes += decoded->bytes;
+    if (entry->frame) bytes -= entry->frame->bytes;
+    entry->frame = decoded;
+    std::erase(ahead[key.first].requested, key.second);
   }
 
   /// Starts the camera's waiting read-ahead requests at its first fetch.
@@ -292,9 +363,10 @@ struct FrameCache::State {
 };
 
 FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
-                       std::shared_ptr<const FrameMatte> matte)
+                       std::shared_ptr<const FrameMatte> matte,
+                       std::shared_ptr<const InterpolatedFrames> interpolated)
     : state_(std::make_shared<State>(take, budget_bytes, max_linear_light_of_take(take), space,
-                                     std::move(matte))) {
+                                     std::move(matte), std::move(interpolated))) {
   LevelTable levels;
   for (const rig::Rig::Camera& camera : take.rig().cameras) {
     if (!levels && needs_per_pixel_correction(camera.photometric)) levels = make_level_table(space);
@@ -305,7 +377,7 @@ FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace sp
 }
 
 FrameCache FrameCache::white(const Take& take, BlendSpace space) {
-  auto state = std::make_shared<State>(take, 0, 1, space, nullptr);
+  auto state = std::make_shared<State>(take, 0, 1, space, nullptr, nullptr);
   state->is_white = true;
   state->ahead.resize(take.rig().cameras.size());
   return FrameCache(std::move(state));
@@ -315,7 +387,7 @@ FrameCache::FrameCache(FrameCache&&) noexcept = default;
 FrameCache::~FrameCache() = default;
 
 std::shared_ptr<const JpegLayout> FrameCache::layout(int camera, int frame) {
-  if (state_->is_white) return std::make_shared<const JpegLayout>(state_->white_layout(camera));
+  if (state_->is_white) return std::make_shared<const JpegLayout>(state_->whole_layout(camera));
   const Key key{camera, frame};
   const auto entry = state_->entry(key);
   const std::scoped_lock decoding(entry->decoding);
@@ -340,6 +412,17 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   }
   if (held && contains(*held, wanted)) return held;
 
+  if (InterpolatedFrames::is_interpolated(frame)) {
+    // Holding the lock of this frame, locks those of its sources, which never lock others.
+    const InterpolatedFrames::Sources sources = state_->interpolated->sources_of(frame);
+    const auto a = fetch(camera, sources.first, {}, pixels_decoded),
+               b = fetch(camera, sources.second, {}, pixels_decoded);
+    auto between = state_->share(
+        state_->interpolate(state_->layout_of(key, *entry), *a, *b, sources.part), state_);
+    state_->keep(key, entry, between);
+    state_->evict();
+    return between;
+  }
   const JpegLayout& layout = state_->layout_of(key, *entry);
   const bool adds =
       held && look != kUngrouped && look == entry->fetch_group && layout.regions_decodable();
@@ -350,22 +433,23 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
                      : state_->decode(key, layout, whole ? all : wanted, pixels_decoded),
       state_);
   entry->fetch_group = look;
-  {
-    const std::scoped_lock lock(state_->mutex);
-    const auto kept = state_->entries.find(key);
-    if (kept != state_->entries.end() && kept->second == entry) {  // not evicted meanwhile
-      state_->bytes += decoded->bytes;
-      if (entry->frame) state_->bytes -= entry->frame->bytes;
-      entry->frame = decoded;
-      std::erase(state_->ahead[camera].requested, frame);
-    }
-  }
+  state_->keep(key, entry, decoded);
   held.reset();
   state_->evict();
   return decoded;
 }
 
+std::optional<InterpolatedFrames::Sources> FrameCache::sources_of(int frame) const {
+  if (!InterpolatedFrames::is_interpolated(frame)) return std::nullopt;
+  return state_->interpolated->sources_of(frame);
+}
+
 void FrameCache::read_ahead(int camera, int frame) {
+  if (const auto sources = sources_of(frame)) {
+    read_ahead(camera, sources->first);
+    read_ahead(camera, sources->second);
+    return;
+  }
   {
     const std::scoped_lock lock(state_->mutex);
     const auto found = state_->entries.find({camera, frame});

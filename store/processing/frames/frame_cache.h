@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "store/jpeg/layout.h"
 #include "store/processing/frames/blend_space.h"
 #include "store/processing/frames/frame_matte.h"
+#include "store/processing/frames/interpolated_frames.h"
 #include "store/take.h"
 
 namespace raystage::store {
@@ -39,9 +41,10 @@ struct DecodeCosts {
 };
 
 /// A cache of the decoded frames of a take, within a memory budget; the least recently used frames
-/// are evicted first. An eighth of the budget is for buffers that wait for reuse. A second fetch of
-/// a frame that needs more MCUs decodes all of it, since more fetches are likely. Within one fetch
-/// group only the missing MCUs are added. Thread-safe; concurrent fetches decode a frame once.
+/// are evicted first. Interpolated frames are computed whole from decoded ones, along optical flow.
+/// An eighth of the budget is for buffers that wait for reuse. A second fetch of a frame that needs
+/// more MCUs decodes all of it, since more fetches are likely. Within one fetch group only the
+/// missing MCUs are added. Thread-safe; concurrent fetches decode a frame once.
 class FrameCache {
  public:
   /// Identifies fetches that belong together, for example those of the bands of one view.
@@ -49,15 +52,21 @@ class FrameCache {
   static constexpr FetchGroup kUngrouped = 0;  ///< each fetch is a group of its own
 
   /// Makes an empty cache. `matte`: gives the frames their alpha; null: all pixels are opaque.
+  /// `interpolated`: knows the interpolated frames, also for other caches; null: there are none.
   FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
-             std::shared_ptr<const FrameMatte> matte = nullptr);
+             std::shared_ptr<const FrameMatte> matte = nullptr,
+             std::shared_ptr<const InterpolatedFrames> interpolated = nullptr);
   /// Returns a cache of white frames in the cameras' sizes, whose samples are the blending weights
   /// alone. Reads no archive.
   static FrameCache white(const Take& take, BlendSpace space);
   FrameCache(FrameCache&&) noexcept;
   ~FrameCache();
 
-  /// Returns the JPEG layout of a frame. Throws Error (bad input) if the frame is damaged or does
+  /// Returns the sources of an interpolated frame; nullopt: it is a frame of the archive.
+  std::optional<InterpolatedFrames::Sources> sources_of(int frame) const;
+
+  /// Returns the JPEG layout of a frame; of an interpolated one that of a picture which can only be
+  /// decoded whole. Throws Error (bad input) if the frame is damaged or does
   /// not have the camera's size.
   std::shared_ptr<const JpegLayout> layout(int camera, int frame);
 

@@ -6,11 +6,18 @@
 #include <string>
 #include <vector>
 
-#include "store/processing/retime/frame_interpolation.h"
 #include "store/rotten_frame.h"
 #include "store/timeline.h"
 
 namespace raystage::store {
+
+/// The method that computes a frame at a time between two frames. Values are not part of any
+/// format.
+enum class RetimeMethod {
+  kNearest,  ///< the nearer frame, unchanged
+  kBlend,    ///< the mean weighted by time; moving objects appear twice
+  kFlow      ///< interpolation along optical flow
+};
 
 struct RetimeOptions {
   RetimeMethod method = RetimeMethod::kFlow;

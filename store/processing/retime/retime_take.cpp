@@ -20,6 +20,7 @@
 #include "base/resources.h"
 #include "schemas/rig_document.h"
 #include "store/jpeg/encode.h"
+#include "store/processing/motion/frame_interpolation.h"
 
 namespace raystage::store {
 namespace {
@@ -91,7 +92,7 @@ class Retimer {
         parallel_for(0, 2, [&](int side) {
           const auto from = static_cast<std::size_t>(side);
           side_[from].motion =
-              estimators_[from].estimate(side_[from].picture, side_[1 - from].picture);
+              estimators_[from].estimate(side_[from].picture.luma, side_[1 - from].picture.luma);
         });
         motion_known_ = true;
       }

@@ -3,8 +3,8 @@
 // al., IJCV 2011, section 3.3.2). Forward-projects both flow fields to that time and keeps the
 // vector with the smallest photometric difference per pixel. Fills holes from their borders and
 // applies a median filter. Then samples both frames bicubically and weights them by time and
-// visibility. Inputs: two RGB frames of equal size, flow in pixels. Output: RGB. Cost: O(pixels).
-#include "store/processing/retime/frame_interpolation.h"
+// visibility. Inputs: two frames of equal size, flow in pixels. Cost: O(pixels).
+#include "store/processing/motion/frame_interpolation.h"
 
 #include <algorithm>
 #include <cmath>
@@ -34,8 +34,7 @@ class MotionBetween {
       : shift_(width, height), difference_(width, height, kUnset) {}
 
   // Projects every pixel of `from` by the fraction `part` of its flow. `sign`: -1 if `from` is b.
-  void project(const FlowImage& from, const FlowImage& to, const FlowField& motion, float part,
-               float sign) {
+  void project(const Luma& from, const Luma& to, const FlowField& motion, float part, float sign) {
     const cv::Mat difference = differences(from, to, motion);
     for (int y = 0; y < shift_.height; ++y) {
       for (int x = 0; x < shift_.width; ++x) {
@@ -88,21 +87,21 @@ class MotionBetween {
 
   // Returns the mean absolute difference of luma along the flow around each pixel, codes
   // (CV_32FC1).
-  cv::Mat differences(const FlowImage& from, const FlowImage& to, const FlowField& motion) const {
+  cv::Mat differences(const Luma& from, const Luma& to, const FlowField& motion) const {
     cv::Mat difference(shift_.height, shift_.width, CV_32FC1), mean;
     for (int y = 0; y < shift_.height; ++y) {
       for (int x = 0; x < shift_.width; ++x) {
         const FlowVector s = is_valid(motion.at(x, y)) ? motion.at(x, y) : FlowVector{};
         difference.at<float>(y, x) =
-            std::abs(static_cast<float>(from.luma.at(x, y)) -
-                     luma_at(to.luma, static_cast<float>(x) + s.x, static_cast<float>(y) + s.y));
+            std::abs(static_cast<float>(from.at(x, y)) -
+                     luma_at(to, static_cast<float>(x) + s.x, static_cast<float>(y) + s.y));
       }
     }
     cv::blur(difference, mean, {kWindow, kWindow});
     return mean;
   }
 
-  static float luma_at(const Image<std::uint8_t>& luma, float x, float y) {
+  static float luma_at(const Luma& luma, float x, float y) {
     const int width = luma.width, height = luma.height;
     x = std::clamp(x, 0.0F, static_cast<float>(width - 1));
     y = std::clamp(y, 0.0F, static_cast<float>(height - 1));
@@ -154,18 +153,16 @@ class MotionBetween {
   Image<float> difference_;  // kUnset: no vector yet
 };
 
-// One of the two frames, sampled for the intermediate time.
+// Where and how one of the two frames is sampled for the intermediate time.
 struct WarpedFrame {
-  cv::Mat rgb;     // CV_8UC3
   cv::Mat motion;  // CV_32FC2: the frame's own flow at the sampled positions
   cv::Mat x, y;    // sampled positions, pixels
 };
 
-// Samples a frame along the vectors of `between`. `way`: factor from these to the displacement to
-// the frame.
-WarpedFrame warp(const FlowImage& picture, const FlowField& motion, const FlowField& between,
-                 float way) {
-  const int width = picture.rgb.width, height = picture.rgb.height;
+// Returns where a frame is sampled along the vectors of `between`. `way`: factor from these to the
+// displacement to the frame.
+WarpedFrame warp(const FlowField& motion, const FlowField& between, float way) {
+  const int width = motion.width, height = motion.height;
   WarpedFrame out;
   out.x.create(height, width, CV_32FC1);
   out.y.create(height, width, CV_32FC1);
@@ -177,11 +174,18 @@ WarpedFrame warp(const FlowImage& picture, const FlowField& motion, const FlowFi
       to_y[x] = static_cast<float>(y) + way * between.at(x, y).y;
     }
   }
-  // cv::Mat has no const data; these matrices are only read.
-  const cv::Mat rgb(height, width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.values.data()));
+  // cv::Mat has no const data; this matrix is only read.
   const cv::Mat own(height, width, CV_32FC2, const_cast<FlowVector*>(motion.values.data()));
-  cv::remap(rgb, out.rgb, out.x, out.y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
   cv::remap(own, out.motion, out.x, out.y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  return out;
+}
+
+// Samples a picture bicubically. `type`: of its pixels, for OpenCV.
+template <class Code>
+cv::Mat sampled(std::span<const Code> picture, int type, const WarpedFrame& at) {
+  const cv::Mat from(at.x.rows, at.x.cols, type, const_cast<Code*>(picture.data()));
+  cv::Mat out;
+  cv::remap(from, out, at.x, at.y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
   return out;
 }
 
@@ -211,39 +215,57 @@ RgbImage blend(const RgbImage& a, const RgbImage& b, double part) {
   return out;
 }
 
-RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowField& b_from_a,
-                           const FlowField& a_from_b, double part) {
-  const int width = a.rgb.width, height = a.rgb.height;
+namespace {
+
+// Writes the picture between `a` and `b`, of kChannels codes a pixel.
+template <int kChannels, class Code>
+void interpolate(const MovingPair& pair, double part, int type, std::span<const Code> a,
+                 std::span<const Code> b, std::span<Code> out) {
+  const int width = pair.a.width, height = pair.a.height;
   const auto s = static_cast<float>(part);
   MotionBetween between(width, height);
-  between.project(a, b, b_from_a, s, 1);
-  between.project(b, a, a_from_b, 1 - s, -1);
+  between.project(pair.a, pair.b, pair.b_from_a, s, 1);
+  between.project(pair.b, pair.a, pair.a_from_b, 1 - s, -1);
   between.fill_holes();
   between.filter_medians();
   const FlowField& shift = between.shift();
-  const WarpedFrame in_a = warp(a, b_from_a, shift, -s);
-  const WarpedFrame in_b = warp(b, a_from_b, shift, 1 - s);
-
-  RgbImage out{width, height, std::vector<std::uint8_t>(a.rgb.values.size())};
+  const WarpedFrame in_a = warp(pair.b_from_a, shift, -s);
+  const WarpedFrame in_b = warp(pair.a_from_b, shift, 1 - s);
+  const cv::Mat of_a = sampled(a, type, in_a), of_b = sampled(b, type, in_b);
+  using Pixel = cv::Vec<Code, kChannels>;
   std::size_t i = 0;
   for (int y = 0; y < height; ++y) {
     const auto *xa = in_a.x.ptr<float>(y), *ya = in_a.y.ptr<float>(y);
     const auto *xb = in_b.x.ptr<float>(y), *yb = in_b.y.ptr<float>(y);
     const auto *own_a = in_a.motion.ptr<cv::Vec2f>(y), *own_b = in_b.motion.ptr<cv::Vec2f>(y);
-    const auto *rgb_a = in_a.rgb.ptr<cv::Vec3b>(y), *rgb_b = in_b.rgb.ptr<cv::Vec3b>(y);
+    const auto *pixels_a = of_a.ptr<Pixel>(y), *pixels_b = of_b.ptr<Pixel>(y);
     for (int x = 0; x < width; ++x, ++i) {
       const float seen_a = visibility(xa[x], ya[x], width, height, own_a[x], 1, shift.at(x, y));
       const float seen_b = visibility(xb[x], yb[x], width, height, own_b[x], -1, shift.at(x, y));
       const float weight_a = (1 - s) * (seen_a + kHidden), weight_b = s * (seen_b + kHidden);
       const float scale = 1 / (weight_a + weight_b);
-      for (int c = 0; c < 3; ++c) {
-        const float value = scale * (weight_a * static_cast<float>(rgb_a[x][c]) +
-                                     weight_b * static_cast<float>(rgb_b[x][c]));
-        out.values[3 * i + static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(value + 0.5F);
+      for (int c = 0; c < kChannels; ++c) {
+        const float value = scale * (weight_a * static_cast<float>(pixels_a[x][c]) +
+                                     weight_b * static_cast<float>(pixels_b[x][c]));
+        out[kChannels * i + static_cast<std::size_t>(c)] = static_cast<Code>(value + 0.5F);
       }
     }
   }
+}
+
+}  // namespace
+
+RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowField& b_from_a,
+                           const FlowField& a_from_b, double part) {
+  RgbImage out(a.rgb.width, a.rgb.height);
+  interpolate<3, std::uint8_t>({a.luma, b.luma, b_from_a, a_from_b}, part, CV_8UC3, a.rgb.values,
+                               b.rgb.values, out.values);
   return out;
+}
+
+void interpolate_levels(const MovingPair& pair, double part, std::span<const std::uint16_t> a,
+                        std::span<const std::uint16_t> b, std::span<std::uint16_t> out) {
+  interpolate<4, std::uint16_t>(pair, part, CV_16UC4, a, b, out);
 }
 
 }  // namespace raystage::store

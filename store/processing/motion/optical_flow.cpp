@@ -3,7 +3,7 @@
 // at full resolution: 8x8 patches every 4 pixels, 16 descent iterations, no variational refinement.
 // A 5x5 median filter removes outliers. Input: 8-bit luma, 0.30 R + 0.59 G + 0.11 B. Output: a
 // displacement in pixels for each pixel. docs/resync.md has cost and accuracy.
-#include "store/processing/retime/optical_flow.h"
+#include "store/processing/motion/optical_flow.h"
 
 #include <algorithm>
 #include <array>
@@ -21,14 +21,14 @@ constexpr int kMinSide = 12;     // pixels; DIS cannot build a pyramid below
 constexpr int kMaxSide = 32766;  // pixels; OpenCV cannot remap larger images
 
 // Returns luma as a matrix without a copy. cv::Mat has no const data; these matrices are only read.
-cv::Mat matrix_of(const Image<std::uint8_t>& luma) {
+cv::Mat matrix_of(const Luma& luma) {
   return {luma.height, luma.width, CV_8UC1, const_cast<std::uint8_t*>(luma.values.data())};
 }
 
 }  // namespace
 
 FlowImage make_flow_image(RgbImage image) {
-  Image<std::uint8_t> luma(image.width, image.height);
+  Luma luma(image.width, image.height);
   for (std::size_t i = 0; i < luma.values.size(); ++i) {
     const std::uint8_t* p = &image.values[3 * i];
     luma.values[i] = static_cast<std::uint8_t>((77 * p[0] + 150 * p[1] + 29 * p[2] + 128) >> 8);
@@ -63,23 +63,25 @@ OpticalFlowEstimator::~OpticalFlowEstimator() = default;
 OpticalFlowEstimator::OpticalFlowEstimator(OpticalFlowEstimator&&) noexcept = default;
 OpticalFlowEstimator& OpticalFlowEstimator::operator=(OpticalFlowEstimator&&) noexcept = default;
 
-FlowField OpticalFlowEstimator::estimate(const FlowImage& from, const FlowImage& to) {
-  const int width = from.rgb.width, height = from.rgb.height;
-  if (to.rgb.width != width || to.rgb.height != height) {
-    throw Error::bad_input("two frames of one camera differ in size", "retiming",
-                           "Verify the take; use it without retiming until it is repaired");
+FlowField OpticalFlowEstimator::estimate(const Luma& from, const Luma& to) {
+  const int width = from.width, height = from.height;
+  if (to.width != width || to.height != height) {
+    throw Error::bad_input(
+        "two frames of one camera differ in size", "optical flow",
+        "Verify the take; use its recorded frames (time \"tick\") until it is repaired");
   }
   if (std::max(width, height) > kMaxSide) {
-    throw Error::bad_input("optical flow does not support frames wider or higher than 32766 pixels",
-                           "retiming", "Choose the retiming method nearest or blend")
+    throw Error::bad_input(
+        "optical flow does not support frames wider or higher than 32766 pixels", "optical flow",
+        "Use the recorded frames: time \"tick\" of a layer, or sync --retime nearest")
         .concerning({"retime"});
   }
   FlowField field(width, height);
   if (std::min(width, height) < kMinSide) return field;
   cv::Mat shift(height, width, CV_32FC2, field.values.data());
-  state_->flow->calc(matrix_of(from.luma), matrix_of(to.luma), shift);
+  state_->flow->calc(matrix_of(from), matrix_of(to), shift);
   if (shift.data != reinterpret_cast<unsigned char*>(field.values.data())) {
-    throw Error::failed("OpenCV did not write the flow to the given memory", "retiming",
+    throw Error::failed("OpenCV did not write the flow to the given memory", "optical flow",
                         "Report this as a bug");
   }
   median_filter_flow(field);

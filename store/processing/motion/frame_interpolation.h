@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "store/processing/retime/optical_flow.h"
+#include <cstdint>
+#include <span>
+
+#include "store/processing/motion/optical_flow.h"
 
 namespace raystage::store {
-
-/// The method that computes a frame at a time between two frames. Values are not part of any
-/// format.
-enum class RetimeMethod {
-  kNearest,  ///< the nearer frame, unchanged
-  kBlend,    ///< the mean weighted by time; moving objects appear twice
-  kFlow      ///< interpolation along optical flow
-};
 
 /// Returns (1 - part) a + part b, code by code. `part` in [0, 1], from a to b. Equal sizes.
 RgbImage blend(const RgbImage& a, const RgbImage& b, double part);
@@ -24,5 +19,16 @@ RgbImage blend(const RgbImage& a, const RgbImage& b, double part);
 /// along its vector. A frame whose own flow differs there is occluded and gets almost no weight.
 RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowField& b_from_a,
                            const FlowField& a_from_b, double part);
+
+/// Two frames of a camera in which things move.
+struct MovingPair {
+  const Luma &a, &b;
+  const FlowField &b_from_a, &a_from_b;
+};
+
+/// Writes the interpolated frame of 16-bit frames, R, G, B, A per pixel, premultiplied, rows
+/// without padding, to `out`, which is as large as `a` and `b`.
+void interpolate_levels(const MovingPair& pair, double part, std::span<const std::uint16_t> a,
+                        std::span<const std::uint16_t> b, std::span<std::uint16_t> out);
 
 }  // namespace raystage::store

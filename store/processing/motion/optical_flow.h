@@ -9,10 +9,13 @@
 
 namespace raystage::store {
 
-/// A frame of one camera with the luma from which motion is estimated.
+/// The brightness of a frame, from which motion is estimated: codes 0 to 255.
+using Luma = Image<std::uint8_t>;
+
+/// A frame of one camera with its luma.
 struct FlowImage {
   RgbImage rgb;
-  Image<std::uint8_t> luma;
+  Luma luma;
 };
 /// Returns the image with its luma.
 FlowImage make_flow_image(RgbImage image);
@@ -41,7 +44,7 @@ class OpticalFlowEstimator {
 
   /// Returns the flow from one frame to another. Throws Error (bad input) if sizes differ or a side
   /// exceeds 32766 pixels. The flow is 0 if a side is below 12 pixels.
-  FlowField estimate(const FlowImage& from, const FlowImage& to);
+  FlowField estimate(const Luma& from, const Luma& to);
 
  private:
   struct State;

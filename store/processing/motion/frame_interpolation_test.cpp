@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "store/processing/retime/frame_interpolation.h"
+#include "store/processing/motion/frame_interpolation.h"
 
 #include <gtest/gtest.h>
 
@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <random>
+#include <vector>
 
 #include "base/error.h"
 #include "testing/store/test_scene.h"
@@ -22,7 +23,8 @@ struct InBetween : ::testing::Test {
 
   RgbImage moved(const RgbImage& from, const RgbImage& to, double part) {
     const FlowImage a = make_flow_image(from), b = make_flow_image(to);
-    return interpolate_frame(a, b, estimator.estimate(a, b), estimator.estimate(b, a), part);
+    return interpolate_frame(a, b, estimator.estimate(a.luma, b.luma),
+                             estimator.estimate(b.luma, a.luma), part);
   }
 
   MovingBoard board;
@@ -31,7 +33,8 @@ struct InBetween : ::testing::Test {
 };
 
 TEST_F(InBetween, MotionIsThatOfTheBoard) {
-  const FlowField motion = estimator.estimate(make_flow_image(before), make_flow_image(after));
+  const FlowField motion =
+      estimator.estimate(make_flow_image(before).luma, make_flow_image(after).luma);
   const auto shift = [&](int x, int y) { return motion.at(x, y); };
   EXPECT_NEAR(shift(62, 58).x, board.speed_x, 0.3);
   EXPECT_NEAR(shift(62, 58).y, board.speed_y, 0.3);
@@ -104,7 +107,8 @@ TEST_F(InBetween, TinyAndOddSizesWork) {
 TEST_F(InBetween, RefusesTwoSizes) {
   MovingBoard other;
   other.width = 150;
-  EXPECT_THROW(estimator.estimate(make_flow_image(before), make_flow_image(other.at(0))), Error);
+  EXPECT_THROW(estimator.estimate(make_flow_image(before).luma, make_flow_image(other.at(0)).luma),
+               Error);
 }
 
 // With independent noise in both pictures, wrong flow vectors have a small photometric difference
@@ -125,10 +129,41 @@ TEST_F(InBetween, DoesNotLetChanceDecide) {
       motion.values[i] = {shift(random), shift(random)};
     return motion;
   };
-  const FlowField there = estimator.estimate(a, b), back = estimator.estimate(b, a);
+  const FlowField there = estimator.estimate(a.luma, b.luma),
+                  back = estimator.estimate(b.luma, a.luma);
   const RgbImage truth = board.at(0.5);
   EXPECT_GT(psnr(interpolate_frame(a, b, sprinkled(there), sprinkled(back), 0.5), truth),
             psnr(interpolate_frame(a, b, there, back, 0.5), truth) - 1);
+}
+
+// 16 bits and alpha are interpolated as 8 bits are.
+TEST_F(InBetween, LevelsAreThoseOfCodes) {
+  const FlowImage a = make_flow_image(before), b = make_flow_image(after);
+  const FlowField there = estimator.estimate(a.luma, b.luma),
+                  back = estimator.estimate(b.luma, a.luma);
+  constexpr std::uint16_t kLevels = 257;  // a code
+  const auto levels_of = [](const RgbImage& image) {
+    std::vector<std::uint16_t> levels;
+    for (std::size_t i = 0; i < image.values.size(); ++i) {
+      levels.push_back(static_cast<std::uint16_t>(kLevels * image.values[i]));
+      if (i % 3 == 2) levels.push_back(65535);
+    }
+    return levels;
+  };
+  const std::vector<std::uint16_t> from = levels_of(before), to = levels_of(after);
+  std::vector<std::uint16_t> between(from.size());
+  interpolate_levels({a.luma, b.luma, there, back}, 0.3, from, to, between);
+  const RgbImage codes = interpolate_frame(a, b, there, back, 0.3);
+  double worst = 0;
+  for (std::size_t i = 0; i < between.size(); ++i) {
+    if (i % 4 == 3) {
+      EXPECT_EQ(between[i], 65535);
+      continue;
+    }
+    worst = std::max(worst, std::abs(between[i] / static_cast<double>(kLevels) -
+                                     codes.values[i / 4 * 3 + i % 4]));
+  }
+  EXPECT_LE(worst, 1.2) << "codes are rounded after sampling and after weighting";
 }
 
 // Pictures without common content must not cause a crash.

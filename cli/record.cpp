@@ -16,6 +16,7 @@
 #include "cli/record_status.h"
 #include "cli/record_takes.h"
 #include "cli/threads.h"
+#include "ingest/record/memory_ceiling.h"
 #include "ingest/record/open_cameras.h"
 #include "ingest/record/record_setup.h"
 #include "ingest/record/recording_memory_plan.h"
@@ -159,6 +160,21 @@ std::optional<schemas::RigDocument> known_rig(const Options& options,
   return std::nullopt;
 }
 
+/// Opens the cameras below the ceiling of memory, if there is one: what a camera sends may make a
+/// library take any amount. Too low ceilings are refused later, when what cameras need is known.
+std::vector<ingest::RecorderCamera> open_below_ceiling(
+    const schemas::RecordConfig& config, std::optional<std::size_t> ceiling,
+    const ingest::OpenFrameSource& open, const std::optional<schemas::RigDocument>& rig) {
+  constexpr std::size_t kLeast = 256'000'000;
+  ingest::MemoryBudget no_frames(0);
+  std::optional<ingest::MemoryCeiling> limited;
+  const bool all_survive = std::ranges::none_of(config.cameras, [](const auto& camera) {
+    return std::holds_alternative<schemas::RecordConfig::AravisSource>(camera.source);
+  });
+  if (ceiling) limited.emplace(std::max(*ceiling, kLeast), no_frames, all_survive);
+  return ingest::open_cameras(config, open, rig ? &*rig : nullptr);
+}
+
 /// An alarm, whatever the options say of progress.
 void report_absent(const std::vector<ingest::RecorderCamera>& cameras) {
   for (const ingest::RecorderCamera& camera : cameras) {
@@ -259,13 +275,12 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
     print_error("raystage record: opening {} cameras\n", config.cameras.size());
   }
   const std::optional<schemas::RigDocument> rig = known_rig(options, config);
-  auto cameras = ingest::open_cameras(
-      config,
+  const ingest::OpenFrameSource open_source =
       [folder, permissions = ingest::SourcePermissions{options.allow_filters_with_files}](
           const schemas::RecordConfig::Camera& camera) {
         return ingest::open_frame_source(camera, folder, permissions);
-      },
-      rig ? &*rig : nullptr);
+      };
+  auto cameras = open_below_ceiling(config, settings.memory_ceiling, open_source, rig);
   report_absent(cameras);
   constexpr double kMeasure = 2;  // seconds
   const auto absent = std::ranges::count_if(

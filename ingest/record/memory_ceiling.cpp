@@ -74,8 +74,13 @@ MemoryCeiling::MemoryCeiling(std::size_t ceiling, MemoryBudget& frames, bool lim
     own.active = true;
     handler_before_ = std::set_new_handler(handle_failed_new);
   }
+  // Before a limit holds under which no thread can be started.
+  watcher_ = std::jthread([this](const std::stop_token& stop) {
+    holds_.wait();
+    watch(stop);
+  });
   look();
-  watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
+  holds_.count_down();
 }
 
 MemoryCeiling::~MemoryCeiling() {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
+#include <latch>
 #include <new>
 #include <stop_token>
 #include <thread>
@@ -57,6 +58,7 @@ class MemoryCeiling {
   const MemoryUseReader reader_;
   std::new_handler handler_before_ = nullptr;
   std::chrono::steady_clock::time_point trimmed_;
+  std::latch holds_{1};
   std::jthread watcher_;  // last: it uses all of the above
 };
 

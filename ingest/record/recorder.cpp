@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <filesystem>
 #include <new>
 #include <optional>
@@ -44,6 +45,37 @@ std::vector<RecordingTake*> all_copies(RecordingTake& take, RecordingTake* mirro
   if (mirror != nullptr) copies.push_back(mirror);
   return copies;
 }
+
+/// The threads of the cameras: begin together, and are stopped and joined however the scope is
+/// left.
+class CaptureThreads {
+ public:
+  CaptureThreads() = default;
+  ~CaptureThreads() {
+    stop_.request_stop();
+    begin();
+  }
+  CaptureThreads(const CaptureThreads&) = delete;
+  CaptureThreads& operator=(const CaptureThreads&) = delete;
+
+  /// `capture(stop)` runs from begin() on. Throws std::system_error if no thread can be started.
+  template <class Capture>
+  void add(Capture capture) {
+    threads_.emplace_back([this, capture = std::move(capture)] {
+      has_begun_.wait(false);
+      capture(stop_.get_token());
+    });
+  }
+  void begin() {
+    has_begun_ = true;
+    has_begun_.notify_all();
+  }
+
+ private:
+  std::stop_source stop_;
+  std::atomic<bool> has_begun_ = false;
+  std::vector<std::jthread> threads_;  // last: they use all of the above
+};
 
 }  // namespace
 
@@ -221,40 +253,40 @@ schemas::RecordingDocument::Session Recorder::run(
                          {.hold = s.settings.hold,
                           .drain_timeout_s = s.settings.drain_timeout_s,
                           .flush_interval_s = s.settings.flush_interval_s});
-  EncoderPool encoders(s.settings.jpeg, s.settings.threads);  // its threads start without a limit
+  EncoderPool encoders(s.settings.jpeg, s.settings.threads);
   std::optional<MemoryCeiling> ceiling;
-  if (s.settings.memory_ceiling) {
-    const bool all_survive = std::ranges::all_of(s.cameras, [](const RecorderCamera& camera) {
-      return camera.source->survives_failed_allocations();
-    });
-    ceiling.emplace(*s.settings.memory_ceiling, s.memory, all_survive);
-  }
+  const bool all_survive = std::ranges::all_of(s.cameras, [](const RecorderCamera& camera) {
+    return camera.source->survives_failed_allocations();
+  });
 
   // Frames that waited in a source since it was opened are too old. The epoch is in the future if a
   // take is resumed that was stopped before its start time.
   const Nanoseconds start_utc =
       std::max(s.settings.start_utc.value_or(host_utc_now()), s.take.document().epoch_utc);
-  std::stop_source camera_stop;
   std::atomic<bool> a_camera_asks = false;
   std::vector<std::atomic<bool>> is_finished(s.cameras.size());
   s.start = s.last_status = Clock::now();
   {
-    std::vector<std::jthread> threads;
+    CaptureThreads threads;
     for (std::size_t i = 0; i < s.cameras.size(); ++i) {
       auto capture = std::make_unique<CameraCapture>(
           s.capture_options(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
           CameraCapture::Pipeline{s.queues[i], s.memory, s.records, encoders, s.counters[i],
                                   [&a_camera_asks] { a_camera_asks = true; },
                                   [&copies] { return copies.free_memory(); }});
-      threads.emplace_back([&camera_stop, &finished = is_finished[i], &counters = s.counters[i],
-                            capture = std::move(capture)] {
+      threads.add([&finished = is_finished[i], &counters = s.counters[i],
+                   capture = std::move(capture)](const std::stop_token& stop_camera) {
         // An exception that leaves a thread would end the process and lose all frames in memory.
-        const std::string failure =
-            exception_message([&] { capture->run(camera_stop.get_token()); });
+        const std::string failure = exception_message([&] { capture->run(stop_camera); });
         if (!failure.empty()) counters.state = CameraCounters::State::kLost;
         finished = true;
       });
     }
+    // Under the ceiling no thread may be startable, so all of them exist now.
+    if (s.settings.memory_ceiling) {
+      ceiling.emplace(*s.settings.memory_ceiling, s.memory, all_survive);
+    }
+    threads.begin();
     const auto all_are_over = [&] {
       for (std::size_t i = 0; i < s.cameras.size(); ++i) {
         // Absent cameras, which may never come, do not keep a recording of files going.
@@ -285,8 +317,7 @@ schemas::RecordingDocument::Session Recorder::run(
       } catch (const std::bad_alloc&) {  // no status is worth the recording
       }
     }
-    camera_stop.request_stop();
-  }  // joins the cameras' threads
+  }  // stops and joins the cameras' threads
   for (std::size_t i = 0; i < s.cameras.size(); ++i) {
     if (const auto opened = s.counters[i].description()) describe(*opened, session.cameras[i]);
   }

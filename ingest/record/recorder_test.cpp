@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/resources.h"
 #include "ingest/record/open_cameras.h"
 #include "ingest/record/record_setup.h"
 #include "store/jpeg/encode.h"
@@ -62,10 +63,9 @@ class Recording : public ::testing::Test {
     for (std::size_t i = 0; i < scripts.size(); ++i) {
       config.cameras.push_back({"c" + std::to_string(i), schemas::RecordConfig::SimulatedSource{}});
     }
-    const auto open = [&scripts](const schemas::RecordConfig::Camera& camera) {
-      return testing::make_scripted_source(scripts[std::stoi(camera.id.substr(1))]);
-    };
-    auto cameras = open_cameras(config, open);
+    auto cameras = open_cameras(config, [this, &scripts](const auto& camera) {
+      return wrap(testing::make_scripted_source(scripts[std::stoi(camera.id.substr(1))]));
+    });
     RecordingTake take =
         resume ? resume_take(path(), cameras, "node")
                : RecordingTake::create(path(),
@@ -99,6 +99,8 @@ class Recording : public ::testing::Test {
 
   RecorderOptions options = every_frame_counts();
   std::function<void(const RecorderStatus&)> status;
+  std::function<std::unique_ptr<FrameSource>(std::unique_ptr<FrameSource>)> wrap =
+      [](std::unique_ptr<FrameSource> source) { return source; };
   std::stop_source stop;
   bool resume = false;
   Nanoseconds epoch = host_utc_now() - kNanosecondsPerSecond;
@@ -230,6 +232,44 @@ TEST_F(Recording, ALostCameraMayStopAllOrComeBack) {
   expect_audit(again);
   EXPECT_GT(again.cameras[0].stored, 15U);
   EXPECT_THAT(again.cameras[0].events.at(1).what, HasSubstr("connected again"));
+}
+
+/// A source that takes away the memory for more threads when the recorder asks it the last question
+/// before it starts them.
+class LeavesNoMemory final : public FrameSource {
+ public:
+  explicit LeavesNoMemory(std::unique_ptr<FrameSource> source) : source_(std::move(source)) {}
+  const SourceDescription& description() const override { return source_->description(); }
+  Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) override {
+    return source_->next(frame, patience);
+  }
+  std::string loss_reason() const override { return source_->loss_reason(); }
+  std::size_t memory_overhead() const override { return source_->memory_overhead(); }
+  bool survives_failed_allocations() const override {
+    constexpr std::size_t kFewStacks = 48 << 20;  // glibc keeps up to 40 MB of those that ended
+    rlimit limit{};
+    getrlimit(RLIMIT_DATA, &limit);
+    limit.rlim_cur = MemoryUseReader().read()->data + kFewStacks;
+    setrlimit(RLIMIT_DATA, &limit);
+    return true;
+  }
+
+ private:
+  std::unique_ptr<FrameSource> source_;
+};
+
+TEST_F(Recording, FailsIfNotAllThreadsCanStart) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers take memory of their own";
+#endif
+  rlimit before{};
+  getrlimit(RLIMIT_DATA, &before);
+  wrap = [](std::unique_ptr<FrameSource> source) {
+    return std::make_unique<LeavesNoMemory>(std::move(source));
+  };
+  constexpr int kMany = 40;
+  EXPECT_ANY_THROW(record(std::vector(kMany, script({jpeg_frame(1)}, 100, 1000))));
+  setrlimit(RLIMIT_DATA, &before);
 }
 
 // Simulates a full disk by a limit on file size.

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <new>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "base/error.h"
@@ -231,6 +232,7 @@ std::size_t FfmpegInput::memory_overhead() const {
 }
 
 void FfmpegInput::start() {
+  if (reader_.joinable()) return;
   reader_ = std::thread([this] {
     try {
       read_packets();
@@ -328,6 +330,11 @@ void FfmpegInput::end(int code) {
 }
 
 FfmpegInput::Outcome FfmpegInput::take(Packet& packet, Clock::time_point deadline) {
+  try {
+    start();
+  } catch (const std::system_error&) {  // no thread can be started
+    end(AVERROR(ENOMEM));
+  }
   std::unique_lock lock(mutex_);
   changed_.wait_until(lock, deadline,
                       [this] { return !packets_.empty() || over_ || interrupted_; });

@@ -55,7 +55,8 @@ class FfmpegInput {
   /// Returns an upper estimate of the bytes of packets read ahead and of FFmpeg's buffers.
   std::size_t memory_overhead() const;
 
-  /// Starts the reading thread. take() may be called from now on.
+  /// Starts the reading thread; take() does so if it was not called. A filter graph must wait until
+  /// its pictures are wanted: it makes them as fast as it can and may keep them.
   void start();
   /// Waits for a packet until `deadline`; kNoData if none came.
   Outcome take(Packet& packet, Clock::time_point deadline);

@@ -73,7 +73,7 @@ class FfmpegSource final : public FrameSource {
     // A wall clock that FFmpeg reads at arrival adds nothing to arrival_utc.
     if (source.options.contains("use_wallclock_as_timestamps")) clock_ = CaptureClock::kNone;
     describe(parameters);
-    input_.start();
+    if (input_.address().kind != FfmpegAddress::Kind::kFilterGraph) input_.start();
     if (description_.width <= 0 || description_.height <= 0) find_size();
   }
 

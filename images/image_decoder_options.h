@@ -12,8 +12,9 @@ namespace raystage::images {
 /// `memory_bytes`: that the pixels of one may need.
 inline sandbox::DecoderOptions image_decoder_options(const std::string& kind,
                                                      std::size_t memory_bytes) {
-  // Readers hold pixels as they are in the file, as they are wanted, and as a result.
-  constexpr std::size_t kOther = std::size_t{64} << 20;
+  // Readers hold pixels as they are in the file, as they are wanted, and as a result. OpenImageIO
+  // converts rows in a buffer of 64 MiB, however small the image is.
+  constexpr std::size_t kOther = std::size_t{128} << 20;
   sandbox::DecoderOptions options;
   options.program = "raystage-decode-image";
   options.kind = kind;

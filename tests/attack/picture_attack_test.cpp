@@ -68,9 +68,9 @@ class PictureAttack : public ::testing::Test {
   /// Expects that no process that has ended took more than a decoder of images may.
   static void expect_decoders_within_memory() {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-    // See image_decoder_options(): 64 MiB and four times what is granted; and the libraries.
+    // See image_decoder_options(): 128 MiB and four times what is granted; and the libraries.
     constexpr std::size_t kBytesPerKib = 1024, kLibraries = 150'000'000;
-    constexpr std::size_t kBound = (std::size_t{64} << 20) + 4 * kMemory + kLibraries;
+    constexpr std::size_t kBound = (std::size_t{128} << 20) + 4 * kMemory + kLibraries;
     rusage usage{};
     ASSERT_EQ(getrusage(RUSAGE_CHILDREN, &usage), 0);
     const auto largest = static_cast<std::size_t>(usage.ru_maxrss) * kBytesPerKib;

@@ -19,6 +19,24 @@ namespace {
 /// The largest change of a colour in [0, 1] that is not visible: a quarter of an 8-bit code.
 constexpr float kLeastChange = 0.001F;
 
+/// The mean over the exposure of the shares of rays that no camera recorded, of each layer.
+class MeanShares {
+ public:
+  void add(const std::vector<double>& shares, double weight) {
+    sums_.resize(shares.size());
+    for (std::size_t i = 0; i < shares.size(); ++i) sums_[i] += weight * shares[i];
+    weight_ += weight;
+  }
+  std::vector<double> mean() && {
+    for (double& sum : sums_) sum /= weight_;
+    return std::move(sums_);
+  }
+
+ private:
+  std::vector<double> sums_;
+  double weight_ = 0;
+};
+
 void add_names(const std::vector<std::string>& names, std::vector<std::string>& all) {
   all.insert(all.end(), names.begin(), names.end());
   std::ranges::sort(all);
@@ -41,8 +59,11 @@ CompositedView FrameCompositor::composite_exposure(const PlannedFrame& frame, Ey
   std::vector<std::string> notes = result.picture.notes;
   const std::vector<PlannedFrame> exposure = plan_.exposure_of(frame);
   ExposureAverage average(std::move(result.picture));
-  const auto picture_at = [&](std::size_t sample) {
+  MeanShares uncovered;
+  uncovered.add(result.uncovered_share, 1);
+  const auto picture_at = [&](std::size_t sample, double weight) {
     CompositedView view = view_at(exposure[sample], nullptr);
+    uncovered.add(view.uncovered_share, weight);
     result.times.add(view.times);
     add_names(view.rotten_cameras, result.rotten_cameras);
     statistics.add_part(view.picture.statistics);
@@ -53,13 +74,13 @@ CompositedView FrameCompositor::composite_exposure(const PlannedFrame& frame, Ey
   // Isolated: while this thread waits for parts of its frame, it must not start another frame.
   const auto isolated = [](const auto& step) { return tbb::this_task_arena::isolate(step); };
   for (const std::size_t end : {std::size_t{0}, intervals}) {
-    const LayerImage picture = picture_at(end);
+    const LayerImage picture = picture_at(end, ExposureAverage::kEndWeight);
     isolated([&] { average.add_end(picture); });
   }
   isolated([&] { return average.end_level(); });
   for (std::size_t step = intervals / 2; step > 1 && !stop.stop_requested(); step /= 2) {
     for (std::size_t sample = step / 2; sample < intervals; sample += step) {
-      const LayerImage picture = picture_at(sample);
+      const LayerImage picture = picture_at(sample, 1);
       isolated([&] { average.add(picture); });
     }
     if (isolated([&] { return average.end_level(); }).value_or(1) < kLeastChange) break;
@@ -68,6 +89,7 @@ CompositedView FrameCompositor::composite_exposure(const PlannedFrame& frame, Ey
   isolated([&] { result.picture = std::move(average).finish(); });
   result.picture.statistics = statistics;
   result.picture.notes = std::move(notes);
+  result.uncovered_share = std::move(uncovered).mean();
   finish(result.picture, deep);
   result.times.merge_ms += finishing.ms();
   return result;

@@ -12,6 +12,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/parallel.h"
 #include "base/resources.h"
 #include "compose/geometry/gathered_light.h"
 #include "compose/layers/exposure.h"
@@ -61,22 +62,26 @@ std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> f
     options.measure_coverage = plan.measures_coverage();
     options.measure_confidence = plan.writes_aov("lf.confidence");
     const render::LightFieldRenderer renderer(light_field->take(), options);
-    for (const PlannedFrame& frame : frames) {
-      if (!frame.shown[i].tick) continue;
+    std::vector<std::size_t> bytes(frames.size(), 0);
+    parallel_for(std::size_t{0}, frames.size(), [&](std::size_t f) {
+      const PlannedFrame& frame = frames[f];
+      if (!frame.shown[i].tick) return;
       for (const Eye eye : plan.eyes()) {
         const ExrCamera camera = plan.exr_camera(frame.frame, eye);
         if (camera.view.is_equirectangular) {
           constexpr std::size_t kMeasuresPerPixel = 8, kRaysPerColumn = std::size_t{64} * 80;
           const std::size_t measures = plan.measures_coverage() ? kMeasuresPerPixel : 0;
-          most = std::max(most, pixels_of(plan.shot()) * (kViewBytesPerPixel + measures) +
-                                    kRaysPerColumn * static_cast<std::size_t>(camera.view.width));
+          bytes[f] =
+              std::max(bytes[f], pixels_of(plan.shot()) * (kViewBytesPerPixel + measures) +
+                                     kRaysPerColumn * static_cast<std::size_t>(camera.view.width));
           continue;
         }
-        most = std::max(
-            most, renderer.view_bytes(camera.view, light_field->frames_of(*frame.shown[i].tick),
-                                      light_field->reconstruction_for(camera, frame.frame)));
+        bytes[f] = std::max(
+            bytes[f], renderer.view_bytes(camera.view, light_field->frames_of(*frame.shown[i].tick),
+                                          light_field->reconstruction_for(camera, frame.frame)));
       }
-    }
+    });
+    for (const std::size_t of_frame : bytes) most = std::max(most, of_frame);
   }
   return most;
 }

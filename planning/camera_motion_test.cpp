@@ -59,6 +59,16 @@ TEST(ExceededLimits, AreThoseOfTheThesisRig) {
   EXPECT_THAT(fast[0], HasSubstr("along the track is up to 4.8 m/s"));
   EXPECT_THAT(fast[1], HasSubstr("the rig does 0.38 m/s"));
   EXPECT_THAT(fast[2], HasSubstr("288 deg/s at frame"));
+  // An arm that cannot reach: positions along an oblique track differ across it by rounding.
+  std::vector<FramePose> straight = swaying_path(0, 0);
+  for (std::size_t i = 0; i < straight.size(); ++i) {
+    straight[i].pose.position = 0.01 * static_cast<double>(i) * Eigen::Vector3d(1, 0.3, 0.7);
+  }
+  const CameraMotion along = measure_motion(straight, 24);
+  ASSERT_GT(along.reach, 0) << "no rounding: the test shows nothing";
+  MotionLimits no_arm = milo;
+  no_arm.reach = no_arm.extension_speed = no_arm.acceleration = 0;
+  EXPECT_TRUE(exceeded_limits(along, no_arm).empty());
   EXPECT_FALSE(MotionLimits{}.is_limited());
   EXPECT_TRUE(exceeded_limits(measure_motion(swaying_path(9, 90), 1000), {}).empty());
 }

@@ -289,6 +289,28 @@ void check_options(const std::string& name, const CoverageOptions& options) {
   }
 }
 
+bool are_alike(const rig::Rig& a, const rig::Rig& b) {
+  constexpr double kSamePlace = 1e-9;
+  return std::ranges::equal(a.cameras, b.cameras,
+                            [&](const rig::Rig::Camera& one, const rig::Rig::Camera& other) {
+                              return (one.pose.position - other.pose.position).norm() <=
+                                         kSamePlace * (1 + one.pose.position.norm()) &&
+                                     one.pose.world_from_camera_rotation.isApprox(
+                                         other.pose.world_from_camera_rotation, kSamePlace);
+                            });
+}
+
+/// The same cameras twice are still one array.
+void check_arrays_differ(std::span<const NamedRig> arrays) {
+  for (std::size_t i = 0; i < arrays.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (!are_alike(arrays[i].rig, arrays[j].rig)) continue;
+      throw Error::bad_input("its cameras are at the same places as those of " + arrays[j].name,
+                             arrays[i].name, "Give each array once");
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<NamedRig> split_by_direction(const NamedRig& named) {
@@ -327,6 +349,7 @@ CoveragePlan plan_combined_coverage(const std::string& name, std::span<const Nam
         fmt::format("there are {} arrays, allowed: {} at most", arrays.size(), kMaxArrays), name,
         "Give fewer rigs, or cameras that face alike");
   }
+  check_arrays_differ(arrays);
   const CombinedPlanner planner(arrays, options, stop);
   CoveragePlan plan;
   plan.name = name;

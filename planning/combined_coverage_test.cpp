@@ -239,7 +239,8 @@ TEST(CombinedCoverage, TriesOrientationsAndReachesFar) {
   EXPECT_TRUE(found.is_in_parts);
 
   options.view_fov_deg = {4};
-  const std::vector<NamedRig> twice(2, side(Eigen::Matrix3d::Identity(), 0, 0.4, 60));
+  std::vector<NamedRig> twice(2, side(Eigen::Matrix3d::Identity(), 0, 0.4, 60));
+  for (rig::Rig::Camera& camera : twice[1].rig.cameras) camera.pose.position.x() += 1e-6;
   const CoverageVolume narrow = plan_combined_coverage("twice", twice, options).volumes[0];
   const CoverageVolume exact = plan_coverage("one", twice[0].rig, options).volumes[0];
   EXPECT_NEAR(narrow.extent().z(), exact.extent().z(), 0.05 * exact.extent().z());
@@ -277,6 +278,7 @@ TEST(CombinedCoverage, Refusals) {
   options.interaxial_m = 0.06;
   EXPECT_THROW(plan_combined_coverage("one", one, options), Error);
   EXPECT_THROW(plan_combined_coverage("none", {}, {}), Error);
+  EXPECT_THROW(plan_combined_coverage("the same twice", std::vector{one[0], one[0]}, {}), Error);
   NamedRig row = one[0];
   row.rig.cameras.erase(row.rig.cameras.begin() + 3, row.rig.cameras.end());
   EXPECT_THROW(plan_combined_coverage("row", std::vector{row}, {}), Error);

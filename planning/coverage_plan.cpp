@@ -105,10 +105,15 @@ class CoveragePlanner {
       corners.emplace_back(Vector3d(subject.x_m, subject.y_m, -subject.depth_m) +
                            subject.size_m / 2 * side);
     }
-    const rig::RangeOfMotion range =
-        rig::range_of_motion_around(*array, corners, std::max(1e-6, kFarthest * extent_of_array()));
+    const double farthest = std::max(1e-6, kFarthest * extent_of_array());
+    const rig::RangeOfMotion range = rig::range_of_motion_around(*array, corners, farthest);
     volume.empty_because = range.empty_because;
-    if (!range.positions.is_empty()) volume.surface = surface_of(range.positions);
+    if (range.positions.is_empty()) return volume;
+    volume.surface = surface_of(range.positions);
+    const bool reaches_it = std::ranges::any_of(
+        volume.surface.vertices,
+        [&](const Vector3d& vertex) { return vertex.z() > farthest * (1 - 1e-9); });
+    if (reaches_it) volume.cut_off_m = farthest;
     return volume;
   }
 

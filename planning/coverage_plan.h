@@ -55,10 +55,14 @@ struct CoverageVolume {
   bool is_of_subject = false;
   bool is_exact = false;        ///< a polyhedron in closed form (thesis 5.2)
   bool is_lower_bound = false;  ///< that of an ideal array whose rays the cameras recorded
-  bool is_in_parts = false;     ///< there are positions apart from the surface, which has one part
-  double error_m = 0;           ///< of the surface, if it is not exact
-  ClosedSurface surface;        ///< empty: there is no position
-  std::string empty_because;    ///< why, for people
+                                /// Metres behind the array (+z) beyond which nothing was looked
+                                /// for, although the range goes on:
+  /// that of a subject may have no end there.
+  std::optional<double> cut_off_m = {};
+  bool is_in_parts = false;   ///< there are positions apart from the surface, which has one part
+  double error_m = 0;         ///< of the surface, if it is not exact
+  ClosedSurface surface;      ///< empty: there is no position
+  std::string empty_because;  ///< why, for people
 
   Eigen::Vector3d extent() const;  ///< of the bounding box, metres
 };

@@ -273,6 +273,7 @@ TEST(PlanCoverage, OfASubjectEqualsTracingItsCorners) {
   EXPECT_TRUE(volume.is_of_subject);
   EXPECT_TRUE(volume.is_exact);
   EXPECT_TRUE(is_closed(volume.surface));
+
   const auto array = rig::find_wall_eyed_array(rig);
   ASSERT_TRUE(array);
   const double half = 0.09;  // of the array
@@ -317,6 +318,28 @@ TEST(PlanCoverage, OfASubjectEqualsTracingItsCorners) {
               HasSubstr("not in front"));
   options.subject->depth_m = 0.05;
   EXPECT_THROW(plan_coverage("rig", rig, options), Error);
+}
+
+// The views of a subject that is smaller than the array have no end behind it. All of a large one
+// is seen from near positions only.
+TEST(PlanCoverage, OfASmallSubjectGoesOnBehindTheArray) {
+  CoverageOptions options;
+  options.view_fov_deg = {45};
+  options.shares = {1};
+  options.subject = CoverageSubject{0, 0, 2, 0.05};
+  const CoveragePlan plan = plan_coverage("rig", grid_rig(4, 4), options);
+  const CoverageVolume& volume = plan.volumes.back();
+  ASSERT_TRUE(volume.cut_off_m);
+  Eigen::AlignedBox3d box;
+  for (const Vector3d& vertex : volume.surface.vertices) box.extend(vertex);
+  EXPECT_NEAR(box.max().z(), *volume.cut_off_m, 1e-9);
+  EXPECT_THAT(format_coverage_plan(plan), HasSubstr("behind the array, where it goes on, exact"));
+  EXPECT_THAT(coverage_plan_as_json(plan), HasSubstr("\"cut_off_m\": 0."));
+  options.subject->size_m = 1;
+  const CoveragePlan large = plan_coverage("rig", grid_rig(4, 4), options);
+  EXPECT_FALSE(large.volumes.back().cut_off_m);
+  EXPECT_FALSE(large.volumes.back().surface.vertices.empty());
+  EXPECT_THAT(format_coverage_plan(large), Not(HasSubstr("goes on")));
 }
 
 TEST(PlanCoverage, OfASubjectIsALowerBoundForRealRigs) {

@@ -46,9 +46,14 @@ std::string views_text(const CoverageOptions& options) {
 std::string size_text(const CoverageVolume& volume) {
   if (volume.surface.vertices.empty()) return volume.empty_because;
   const Eigen::Vector3d extent = volume.extent();
-  return fmt::format("{:.3f} x {:.3f} x {:.3f} m, {:.5f} m3{}", extent.x(), extent.y(), extent.z(),
-                     volume.surface.volume(),
-                     volume.is_in_parts ? " (one part: there are positions apart from it)" : "");
+  std::string text =
+      fmt::format("{:.3f} x {:.3f} x {:.3f} m, {:.5f} m3{}", extent.x(), extent.y(), extent.z(),
+                  volume.surface.volume(),
+                  volume.is_in_parts ? " (one part: there are positions apart from it)" : "");
+  if (volume.cut_off_m) {
+    text += fmt::format(" up to {:.3f} m behind the array, where it goes on", *volume.cut_off_m);
+  }
+  return text;
 }
 
 std::string accuracy_text(const CoverageVolume& volume, const CoverageOptions& options) {
@@ -283,6 +288,7 @@ std::string coverage_plan_as_json(const CoveragePlan& plan) {
     json["of_subject"] = volume.is_of_subject;
     json["is_lower_bound"] = volume.is_lower_bound;
     json["is_in_parts"] = volume.is_in_parts;
+    json["cut_off_m"] = volume.cut_off_m ? ordered_json(*volume.cut_off_m) : ordered_json(nullptr);
     if (!volume.empty_because.empty()) json["empty_because"] = volume.empty_because;
     json["vertices_m"] = std::move(vertices);
     json["triangles"] = volume.surface.triangles;

@@ -34,11 +34,20 @@ struct EyeView {
   Eigen::Vector4d plane;
 };
 
-/// A frame of a layer: the eyes that look at it, and the cameras that have a frame at its time.
-struct LayerFrame {
-  int frame = 0;
+/// A time of a layer: the eyes that look at it, and the cameras that have a frame at that time.
+struct LayerTime {
+  double weight = 1;  ///< in the mean over the exposure
   std::vector<EyeView> eyes;
   const rig::Topology* topology = nullptr;  ///< of these cameras; null: there are none
+  int cameras = 0;
+};
+
+/// A frame of a layer.
+struct LayerFrame {
+  int frame = 0;
+  std::vector<LayerTime> exposure;  ///< from the opening of the shutter to its closing; one: sharp
+
+  const LayerTime& middle() const { return exposure[exposure.size() / 2]; }
 };
 
 /// Returns the view with its field of view multiplied by `factor` (on the tangent).
@@ -99,48 +108,76 @@ class LayerChecker {
   }
 
   std::optional<LayerFrame> find_frame(const compose::PlannedFrame& planned) {
-    const std::size_t index = light_field_.index();
-    if (!plan_.is_visible(index, planned.frame)) return std::nullopt;
+    if (!plan_.is_visible(light_field_.index(), planned.frame)) return std::nullopt;
     LayerFrame frame;
     frame.frame = planned.frame;
-    if (!planned.shown[index].tick) return frame;
+    if (planned.exposure.empty()) {
+      frame.exposure.push_back(find_time(planned));
+      return frame;
+    }
+    for (const compose::PlannedFrame& time : plan_.exposure_of(planned)) {
+      frame.exposure.push_back(find_time(time));
+    }
+    frame.exposure.front().weight = frame.exposure.back().weight = 0.5;  // as ExposureAverage
+    return frame;
+  }
+
+  LayerTime find_time(const compose::PlannedFrame& planned) {
+    const std::size_t index = light_field_.index();
+    LayerTime time;
+    if (!planned.shown[index].tick) return time;
     const store::FrameSelection tick = light_field_.frames_of(*planned.shown[index].tick);
     std::vector<int> present;
     for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
       if (tick.frame[camera] >= 0) present.push_back(static_cast<int>(camera));
     }
-    if (present.empty()) return frame;
-    frame.topology = &topology_of(present);
+    if (present.empty()) return time;
+    time.topology = &topology_of(present);
+    time.cameras = static_cast<int>(present.size());
     for (const compose::Eye eye : plan_.eyes()) {
-      const compose::ExrCamera camera = plan_.exr_camera(planned.frame, eye);
-      frame.eyes.push_back(
-          {camera.view, light_field_.reconstruction_for(camera, planned.frame).focal_plane});
+      const compose::ExrCamera camera = plan_.exr_camera(planned.time(), eye);
+      time.eyes.push_back(
+          {camera.view, light_field_.reconstruction_for(camera, planned.time()).focal_plane});
     }
-    return frame;
+    return time;
   }
 
   FrameCheck check_frame(const LayerFrame& frame) const {
     FrameCheck result;
     result.frame = frame.frame;
-    if (frame.topology == nullptr) {
-      result.unrecorded_share = 1;
-      result.has_cameras = false;
-      return result;
-    }
+    result.unrecorded_share = mean_unrecorded_share(frame);
+    const LayerTime& middle = frame.middle();
+    result.cameras = middle.cameras;
+    if (middle.topology == nullptr) return result;
     result.resolution = 1;
-    const render::VirtualCamera& first = frame.eyes.front().view;
+    const render::VirtualCamera& first = middle.eyes.front().view;
     result.horizontal_fov = 2 * std::atan(first.width / 2.0 / first.intrinsics.fx);
-    for (const EyeView& eye : frame.eyes) {
-      const double missing = unrecorded_share(eye.view, rig_, *frame.topology, eye.plane);
-      result.unrecorded_share = std::max(result.unrecorded_share, missing);
+    for (const EyeView& eye : middle.eyes) {
       take_less(result.boundary_distance, boundary_distance(eye.view));
-      const auto ratio = least_source_pixels_per_pixel(eye.view, rig_, *frame.topology, eye.plane);
+      const auto ratio = least_source_pixels_per_pixel(eye.view, rig_, *middle.topology, eye.plane);
       result.resolution = std::min(result.resolution, ratio.value_or(0));
       if (!check_.depth_range) continue;
       take_more(result.near_ghosting, ghosting(eye, check_.depth_range->near));
       take_more(result.far_ghosting, ghosting(eye, check_.depth_range->far));
     }
     return result;
+  }
+
+  /// Returns the mean over the exposure, of the eye for which it is larger.
+  double mean_unrecorded_share(const LayerFrame& frame) const {
+    double worst = 0;
+    for (std::size_t eye = 0; eye < plan_.eyes().size(); ++eye) {
+      double sum = 0, weights = 0;
+      for (const LayerTime& time : frame.exposure) {
+        weights += time.weight;
+        sum += time.weight * (time.topology == nullptr
+                                  ? 1
+                                  : unrecorded_share(time.eyes[eye].view, rig_, *time.topology,
+                                                     time.eyes[eye].plane));
+      }
+      worst = std::max(worst, sum / weights);
+    }
+    return worst;
   }
 
   static void take_less(std::optional<double>& to, std::optional<double> value) {
@@ -171,14 +208,18 @@ class LayerChecker {
     constexpr double kNarrowest = 0.01, kStep = 1e-3;
     double factor = 1;
     const auto is_recorded = [&](const LayerFrame& frame, double narrower) {
-      return std::ranges::all_of(frame.eyes, [&](const EyeView& eye) {
-        return unrecorded_share(narrowed(eye.view, narrower), rig_, *frame.topology, eye.plane) ==
-               0;
+      return std::ranges::all_of(frame.exposure, [&](const LayerTime& time) {
+        return std::ranges::all_of(time.eyes, [&](const EyeView& eye) {
+          return unrecorded_share(narrowed(eye.view, narrower), rig_, *time.topology, eye.plane) ==
+                 0;
+        });
       });
     };
     for (std::size_t i = 0; i < frames.size(); ++i) {
       throw_if_stopped(stop);
-      if (frames[i].topology == nullptr) return std::nullopt;
+      const bool is_empty = std::ranges::any_of(
+          frames[i].exposure, [](const LayerTime& time) { return time.topology == nullptr; });
+      if (is_empty) return std::nullopt;
       if (check_.frames[i].unrecorded_share == 0 || is_recorded(frames[i], factor)) continue;
       if (!is_recorded(frames[i], kNarrowest)) return std::nullopt;
       double enough = kNarrowest;

@@ -17,15 +17,18 @@ namespace raystage::planning {
 /// What the cameras of a take recorded of one frame of a shot. With stereo, that of the worse eye.
 struct FrameCheck {
   int frame = 0;
-  bool has_cameras = true;    ///< whether the take has frames of any camera at that time
+  int cameras = 0;            ///< of the take that have a frame at that time
   double horizontal_fov = 0;  ///< of the view, radians
-  /// Of the rays, see unrecorded_share(); 0 to 1. 1 where the take has no frame at that time.
+                              /// Of the rays, see unrecorded_share(); 0 to 1, the mean over the
+                              /// exposure. 1 where the take has
+  /// no frame at that time.
   double unrecorded_share = 0;
   /// Distance of the camera from the border of its range of motion, metres; negative outside.
   /// Nullopt where the range is empty or not known.
   std::optional<double> boundary_distance = {};
   /// Effective resolution relative to the shot's, along an axis: see
-  /// least_source_pixels_per_pixel(); at most 1. 0 where no camera sees the view.
+  /// least_source_pixels_per_pixel(); at most 1. 0 where no camera sees the view. This and what
+  /// follows are those of the middle of the exposure.
   double resolution = 0;
   /// See ghosting_pixels(): at the nearest and the farthest depth of the scene.
   std::optional<double> near_ghosting = {}, far_ghosting = {};

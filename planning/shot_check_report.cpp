@@ -57,10 +57,25 @@ double narrowed_degrees(double horizontal_fov, double factor) {
 std::string without_frames_text(const LayerCheck& layer) {
   std::vector<int> frames;
   for (const FrameCheck& frame : layer.frames) {
-    if (!frame.has_cameras) frames.push_back(frame.frame);
+    if (frame.cameras == 0) frames.push_back(frame.frame);
   }
   if (frames.empty()) return "";
   return fmt::format("The take has nothing at the time of {}: {}.\n", frame_count(frames.size()),
+                     compose::format_frame_range(frames));
+}
+
+/// States in how many frames some cameras have no picture.
+std::string absent_cameras_text(const LayerCheck& layer) {
+  std::vector<int> frames;
+  int fewest = layer.cameras;
+  for (const FrameCheck& frame : layer.frames) {
+    if (frame.cameras == 0 || frame.cameras == layer.cameras) continue;
+    frames.push_back(frame.frame);
+    fewest = std::min(fewest, frame.cameras);
+  }
+  if (frames.empty()) return "";
+  return fmt::format("Up to {} of {} cameras are absent in {} of {}: {}.\n", layer.cameras - fewest,
+                     layer.cameras, frames.size(), frame_count(layer.frames.size()),
                      compose::format_frame_range(frames));
 }
 
@@ -94,7 +109,7 @@ std::string range_text(const LayerCheck& layer) {
   const FrameCheck* nearest = nullptr;
   std::size_t unknown = 0;
   for (const FrameCheck& frame : layer.frames) {
-    if (!frame.has_cameras) continue;
+    if (frame.cameras == 0) continue;
     if (!frame.boundary_distance) {
       ++unknown;
     } else if (nearest == nullptr || *frame.boundary_distance < *nearest->boundary_distance) {
@@ -153,7 +168,8 @@ ordered_json json_of(const LayerCheck& layer) {
   ordered_json frames = ordered_json::array();
   for (const FrameCheck& frame : layer.frames) {
     frames.push_back({{"frame", frame.frame},
-                      {"has_cameras", frame.has_cameras},
+                      {"has_cameras", frame.cameras > 0},
+                      {"cameras", frame.cameras},
                       {"unrecorded_share", frame.unrecorded_share},
                       {"boundary_distance_m", json_of(frame.boundary_distance)},
                       {"resolution", frame.resolution},
@@ -268,10 +284,20 @@ std::string bench_text(const ShotCheck& check, const LayerCheck& layer) {
   return text;
 }
 
+/// States for which depths rays and resolution are computed, where the method has its own.
+std::string depths_text(const LayerCheck& layer) {
+  if (layer.uses_focal_plane) return "";
+  return fmt::format(
+      "Rays and resolution are those of points on the focal plane; method {} shows things at their "
+      "own depths, of which the cameras may see a little more or less at the borders.\n",
+      layer.method);
+}
+
 std::string layer_text(const ShotCheck& check, const LayerCheck& layer) {
   if (layer.frames.empty()) return "It is not visible in these frames.\n";
-  return without_frames_text(layer) + coverage_text(layer) + range_text(layer) +
-         resolution_text(check, layer) + ghosting_text(layer) + bench_text(check, layer);
+  return without_frames_text(layer) + absent_cameras_text(layer) + coverage_text(layer) +
+         range_text(layer) + resolution_text(check, layer) + depths_text(layer) +
+         ghosting_text(layer) + bench_text(check, layer);
 }
 
 /// States how much memory a frame needs, whatever a bench measured.

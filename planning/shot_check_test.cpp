@@ -68,6 +68,34 @@ TEST_F(ShotCheckTest, FollowsTheCameraOutOfTheArray) {
   EXPECT_EQ(check.worst_unrecorded_share(), 1);
 }
 
+// The camera leaves the array while the shutter is open: as many rays are missing as in the mean of
+// sharp frames in between.
+TEST_F(ShotCheckTest, OfABlurredFrameIsTheMeanOverTheExposure) {
+  const auto key_at = [](int frame, double time) {
+    return testing::camera_key(frame, {0.05 + 0.1 * time, -0.05, 0.1}, 40);
+  };
+  shot_.camera.keys = {key_at(101, 0), key_at(102, 1)};
+    shot_.last_frame = 102;
+  shot_.width *= 20;  // the finer the picture, the more times
+  shot_.height *= 20;
+  shot_.output.motion_samples = 257;
+  const double sharp = check().layers[0].frames[0].unrecorded_share;
+  for (auto& key : shot_.camera.keys) key.shutter_deg = 360;
+  const double blurred = check().layers[0].frames[0].unrecorded_share;
+  for (auto& key : shot_.camera.keys) key.shutter_deg.reset();
+  double mean = 0;
+  constexpr int kTimes = 200;
+  for (int i = 0; i < kTimes; ++i) {
+    const double time = std::clamp((i + 0.5) / kTimes - 0.5, 0.0, 1.0);  // at rest before the key
+    shot_.camera.keys = {key_at(101, time)};
+    shot_.last_frame = 101;
+    mean += check().layers[0].frames[0].unrecorded_share / kTimes;
+  }
+  EXPECT_EQ(sharp, 0);
+  EXPECT_GT(mean, 0.02);
+  EXPECT_NEAR(blurred, mean, 0.01);
+}
+
 TEST_F(ShotCheckTest, CamerasThatAreAbsentRecordNothing) {
   shot_.camera.keys = {testing::camera_key(101, {0.08, -0.08, 0}, 40)};
   const ShotCheck check = this->check();
@@ -75,7 +103,10 @@ TEST_F(ShotCheckTest, CamerasThatAreAbsentRecordNothing) {
   for (const FrameCheck& frame : frames) {
     // The last camera has no frame at the third instant.
     EXPECT_EQ(frame.unrecorded_share, frame.frame == 103 ? 1 : 0) << frame.frame;
+    EXPECT_EQ(frame.cameras, frame.frame == 103 ? 3 : 4);
   }
+  EXPECT_THAT(format_shot_check(check),
+              HasSubstr("Up to 1 of 4 cameras are absent in 1 of 6 frames: 103."));
 }
 
 TEST_F(ShotCheckTest, SuggestsTheFieldOfViewThatWasRecorded) {
@@ -184,6 +215,10 @@ TEST_F(ShotCheckTest, ReportsHoldTheSameNumbers) {
   EXPECT_THAT(text, HasSubstr("6 frames (101-106), 40x30 pixels"));
   EXPECT_THAT(text, HasSubstr("outside of its range of motion at frame 106"));
   EXPECT_THAT(text, HasSubstr("4 cameras up to 100.0 mm apart"));
+  EXPECT_THAT(text, Not(HasSubstr("at their own depths")));
+  shot_.layers[0].method = "plane_sweep";
+  EXPECT_THAT(format_shot_check(this->check()),
+              HasSubstr("method plane_sweep shows things at their own depths"));
   const auto json = nlohmann::json::parse(shot_check_as_json(check));
   EXPECT_EQ(json.at("schema"), "raystage/shot_check/1");
   EXPECT_EQ(json.at("unrecorded_share"), 1);

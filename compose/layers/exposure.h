@@ -16,6 +16,9 @@ namespace raystage::compose {
 /// something there.
 class ExposureAverage {
  public:
+  /// Of the images of both ends, relative to those between them.
+  static constexpr float kEndWeight = 0.5F;
+
   /// `middle`: of the middle of the exposure.
   explicit ExposureAverage(LayerImage middle);
 
@@ -35,7 +38,6 @@ class ExposureAverage {
   static std::size_t bytes_per_pixel(std::size_t averaged_aov_channels, bool has_ids);
 
  private:
-  static constexpr float kEndWeight = 0.5F;
   void add(const LayerImage& image, float weight);
   /// Prepares the sums of an AOV of the middle, if it is averaged.
   void prepare_aov(std::size_t index);

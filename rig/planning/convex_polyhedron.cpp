@@ -123,6 +123,10 @@ void ConvexPolyhedron::clip(const HalfSpace& half_space, double tolerance) {
     const double exact = half_space.depth_of(vertices_[v]);
     depth[v] = std::abs(exact) <= tolerance ? 0 : exact;
   }
+  const auto is_outside = [&](int v) { return depth[v] < 0; };
+  const bool is_cut = std::ranges::any_of(
+      faces_, [&](const Face& face) { return std::ranges::any_of(face.vertices, is_outside); });
+  if (!is_cut) return;
   std::vector<Face> kept;
   std::map<std::pair<int, int>, int> crossings;  // edge -> vertex
   Polygon on_plane;                              // vertices of the new face
@@ -139,7 +143,7 @@ void ConvexPolyhedron::clip(const HalfSpace& half_space, double tolerance) {
     }
     return at->second;
   };
-  bool is_cut = false, has_same_plane = false;
+  bool has_same_plane = false;
   for (Face& face : faces_) {
     Polygon polygon;
     int inside = 0;
@@ -147,7 +151,7 @@ void ConvexPolyhedron::clip(const HalfSpace& half_space, double tolerance) {
       const int v = face.vertices[i], next = face.vertices[(i + 1) % face.vertices.size()];
       if (depth[v] >= 0) polygon.push_back(v);
       if (depth[v] > 0) ++inside;
-      if (depth[v] < 0) is_cut = true;
+
       if (depth[v] > 0 && depth[next] < 0) polygon.push_back(crossing(v, next));
       if (depth[v] < 0 && depth[next] > 0) polygon.push_back(crossing(next, v));
     }
@@ -159,7 +163,6 @@ void ConvexPolyhedron::clip(const HalfSpace& half_space, double tolerance) {
     }
     if (polygon.size() >= 3) kept.push_back({face.half_space, std::move(polygon)});
   }
-  if (!is_cut) return;
   faces_ = std::move(kept);
   if (!has_same_plane && on_plane.size() >= 3) {
     faces_.push_back({half_space, ordered_about(vertices_, on_plane, half_space.normal)});

@@ -148,34 +148,59 @@ EnvironmentRadiance FrameCompositor::layer_light_radiance(
   };
 }
 
-LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& frame,
-                                         const ExrCamera& camera, const Geometry& geometry,
-                                         double& uncovered_share) const {
+LayerSurfaces FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& frame,
+                                            const ExrCamera& camera, const Geometry& geometry,
+                                            bool separates, double& uncovered_share) const {
   const schemas::ShotDocument::Layer& document = plan_.shot().layers[layer];
   const std::vector<float> ids = cryptomatte_ids(layer);
   const LayerView view = layer_view(layer, frame, camera, geometry, ids);
-  LayerImage image;
+  LayerSurfaces surfaces;
   // Isolated: while this thread waits for tiles of its frame, it must not start another frame.
   try {
-    tbb::this_task_arena::isolate([&] { image = renderers_[layer]->render(view); });
+    tbb::this_task_arena::isolate([&] { surfaces.image = renderers_[layer]->render(view); });
   } catch (const Error& error) {
     throw plan_.error_of_layer(layer, error);
   }
-  if (plan_.layer(layer)->is_in_scene_space()) convert_to_working_space(image);
-  uncovered_share = uncovered_share_of_layer(layer, image);
-  if (camera.adjacent && plan_.light_field(layer) != nullptr && document.volume.empty()) {
-    tbb::this_task_arena::isolate([&] { add_camera_motion(camera.view, *camera.adjacent, image); });
-  }
-  remove_unrequested_aovs(image);
-  if (document.shadows && frame.shown[layer].tick) {
+  uncovered_share = uncovered_share_of_layer(layer, surfaces.image);
+  if (separates) surfaces = separate_surfaces(std::move(surfaces.image));
+  surfaces.image.edges = {};
+  const auto finish_image = [&](LayerImage& image) {
+    if (plan_.layer(layer)->is_in_scene_space()) convert_to_working_space(image);
+    if (camera.adjacent && plan_.light_field(layer) != nullptr && document.volume.empty()) {
+      tbb::this_task_arena::isolate(
+          [&] { add_camera_motion(camera.view, *camera.adjacent, image); });
+    }
+    remove_unrequested_aovs(image);
+    if (!document.shadows || !frame.shown[layer].tick) return;
     const ShadowCatcher catcher{document.shadows->strength, document.shadows->occlusion_distance_m,
                                 document.shadows->rays};
     const Stopwatch shadow_time;
     tbb::this_task_arena::isolate(
         [&] { apply_shadow_catcher(geometry.scene, camera.view, catcher, image); });
     geometry.record->shadows_ms += shadow_time.ms();
-  }
-  return image;
+  };
+  finish_image(surfaces.image);
+  if (surfaces.behind) finish_image(*surfaces.behind);
+  return surfaces;
+}
+
+void FrameCompositor::apply_layer_settings(std::size_t layer, const ExrCamera& camera,
+                                           bool has_clips, LayerSurfaces& surfaces) const {
+  const auto opacity = static_cast<float>(plan_.shot().layers[layer].opacity);
+  const auto apply_to = [&](LayerImage& image) {
+    if (plan_.shot().output.cryptomatte && image.ids.empty()) {
+      assign_object_id(image, cryptomatte_ids(layer).front());
+    }
+    if (has_clips) {
+      tbb::this_task_arena::isolate([&] { apply(plan_.clips(layer), camera.view, image); });
+    }
+    if (opacity < 1) {
+      for (float& value : image.rgba) value *= opacity;
+    }
+  };
+  apply_to(surfaces.image);
+  if (surfaces.behind) apply_to(*surfaces.behind);
+  cover_behind(surfaces);
 }
 
 LayerImage FrameCompositor::render_volume(std::size_t foremost, std::size_t count,
@@ -193,7 +218,7 @@ LayerImage FrameCompositor::render_volume(std::size_t foremost, std::size_t coun
   std::vector<const LayerImage*> takes(layers.size(), nullptr);
   const auto render = [&](std::size_t i) {
     double of_take = 0;  // what counts is what none of the takes saw
-    images[i] = render_layer(layers[i], frame, camera, geometry, of_take);
+    images[i] = render_layer(layers[i], frame, camera, geometry, false, of_take).image;
     tbb::this_task_arena::isolate([&] { apply(plan_.clips(layers[i]), camera.view, images[i]); });
     takes[i] = &images[i];
   };
@@ -246,6 +271,7 @@ CompositedView FrameCompositor::merged_view(const PlannedFrame& frame, const Exr
   times.geometry_ms = total.ms();  // includes BVHs, which the first frame builds
   double geometry_layers_ms = 0;
   const bool in_layer_order = plan_.shot().merge == schemas::ShotDocument::Merge::kLayerOrder;
+  const bool separates = deep != nullptr || (!in_layer_order && plan_.layers() > 1);
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
     const std::size_t of_picture = plan_.volume_layer_count(i);
     const bool is_volume = !plan_.shot().layers[i].volume.empty();
@@ -260,29 +286,30 @@ CompositedView FrameCompositor::merged_view(const PlannedFrame& frame, const Exr
       continue;
     }
     const Stopwatch layer_time;
-    LayerImage image = is_volume ? render_volume(foremost, of_picture, frame, camera, geometry)
-                                 : render_layer(i, frame, camera, geometry, uncovered_share[i]);
-    if (is_volume) uncovered_share[i] = uncovered_share_of_layer(i, image);
+    LayerSurfaces surfaces;
+    if (is_volume) {
+      surfaces.image = render_volume(foremost, of_picture, frame, camera, geometry);
+      uncovered_share[i] = uncovered_share_of_layer(i, surfaces.image);
+    } else {
+      surfaces = render_layer(i, frame, camera, geometry, separates, uncovered_share[i]);
+    }
     if (is_volume && camera.adjacent) {
       tbb::this_task_arena::isolate(
-          [&] { add_camera_motion(camera.view, *camera.adjacent, image); });
+          [&] { add_camera_motion(camera.view, *camera.adjacent, surfaces.image); });
     }
     const LayerStage stage = is_volume ? LayerStage::kLightFields : opened->stage();
     times.add(stage, layer_time.ms());
     if (stage == LayerStage::kGeometry) geometry_layers_ms += layer_time.ms();
-    if (plan_.shot().output.cryptomatte && image.ids.empty()) {
-      assign_object_id(image, cryptomatte_ids(i).front());
-    }
-    statistics.add_part(image.statistics);
-    if (!is_volume) {
-      tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
-    }
-    if (document.opacity < 1) {
-      for (float& value : image.rgba) value *= static_cast<float>(document.opacity);
-    }
-    front_first.push_back(std::move(image));
+    statistics.add_part(surfaces.image.statistics);
+    apply_layer_settings(i, camera, !is_volume, surfaces);
+    const bool is_whole = !surfaces.behind && is_opaque(surfaces.image);
+    front_first.push_back(std::move(surfaces.image));
     is_holdout.push_back(document.holdout);
-    if (in_layer_order && is_opaque(front_first.back())) break;
+    if (surfaces.behind) {
+      front_first.push_back(std::move(*surfaces.behind));
+      is_holdout.push_back(document.holdout);
+    }
+    if (in_layer_order && is_whole) break;
   }
   const auto busy = static_cast<double>(geometry.record->geometry_ns);
   const double share_of_lights =

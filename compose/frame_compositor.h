@@ -10,6 +10,7 @@
 #include "compose/layers/deep_image.h"
 #include "compose/layers/layer.h"
 #include "compose/layers/layer_image.h"
+#include "compose/layers/layer_surfaces.h"
 #include "compose/sequence_memory_plan.h"
 #include "compose/shot_plan.h"
 
@@ -94,8 +95,10 @@ class FrameCompositor {
                                      const Lights& behind,
                                      const std::shared_ptr<SharedRecord>& record) const;
   /// `uncovered_share`: receives the share of the layer's pixels that no camera saw.
-  LayerImage render_layer(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
-                          const Geometry& geometry, double& uncovered_share) const;
+  /// `separates`: at edges of depth both surfaces of the layer are wanted.
+  LayerSurfaces render_layer(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
+                             const Geometry& geometry, bool separates,
+                             double& uncovered_share) const;
   /// Renders the visible layers of the `count` up to `foremost`, which surround one volume.
   LayerImage render_volume(std::size_t foremost, std::size_t count, const PlannedFrame& frame,
                            const ExrCamera& camera, const Geometry& geometry) const;
@@ -105,6 +108,9 @@ class FrameCompositor {
                                            EnvironmentRadiance behind,
                                            const Eigen::Vector3f& ambient,
                                            const std::shared_ptr<SharedRecord>& record) const;
+  /// Applies clips, opacity and the layer's object id to its surfaces.
+  void apply_layer_settings(std::size_t layer, const ExrCamera& camera, bool has_clips,
+                            LayerSurfaces& surfaces) const;
   /// Converts from kSceneSpace.
   void convert_to_working_space(LayerImage& image) const;
   /// Removes AOVs that the files do not contain.

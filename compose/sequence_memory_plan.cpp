@@ -91,12 +91,14 @@ std::size_t aov_bytes_per_pixel(const ShotPlan& plan) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.layer(i) == nullptr) continue;
     const std::size_t of_layer = plan.layer(i)->aov_bytes_per_pixel();
-    bytes += of_layer;
+    const bool has_two_images = plan.light_field(i) != nullptr && plan.layers() > 1;
+    bytes += (has_two_images ? 2 : 1) * of_layer;
     most = std::max(most, of_layer);
   }
   bytes += kMergedAovFactor * most;
   if (plan.shot().output.cryptomatte) {
-    bytes += plan.layers() * kIdBytesPerPixel + kIdBytesPerPixelMerged;
+    bytes +=
+        (plan.layers() + plan.light_fields().size()) * kIdBytesPerPixel + kIdBytesPerPixelMerged;
   }
   return bytes;
 }
@@ -104,13 +106,15 @@ std::size_t aov_bytes_per_pixel(const ShotPlan& plan) {
 /// Returns the memory of a frame without shared data, bytes: its views, for stereo of both eyes.
 std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                         const MemoryRequest& request) {
+  // Light fields have a second image at edges of depth, where layers are merged by depth.
+  const std::size_t images = plan.layers() + plan.light_fields().size();
   const std::size_t per_pixel =
-      kExtraBytesPerPixel +
-      (request.deep ? kDeepBytesPerPixel + plan.layers() * kDeepBytesPerSample : 0) +
+      kExtraBytesPerPixel + (request.deep ? kDeepBytesPerPixel + images * kDeepBytesPerSample : 0) +
       (plan.measures_coverage() ? kMeasuresBytesPerPixel : 0) +
       (plan.writes_aov("lf.confidence") ? kConfidenceBytesPerPixel : 0) +
-      (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) + aov_bytes_per_pixel(plan) +
-      (plan.writes_aov("motion") ? (plan.layers() + kMergedAovFactor) * kMotionBytesPerPixel : 0);
+      (plan.layers() > 1 || request.deep ? images * kLayerBytesPerPixel : 0) +
+      aov_bytes_per_pixel(plan) +
+      (plan.writes_aov("motion") ? (images + kMergedAovFactor) * kMotionBytesPerPixel : 0);
   std::size_t of_layers = 0;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.layer(i) != nullptr) of_layers += plan.layer(i)->frame_bytes();

@@ -18,6 +18,7 @@
 #include "store/processing/frames/frame_cache.h"
 #include "store/take.h"
 #include "testing/render/synthetic_take.h"
+#include "testing/render/test_depth.h"
 #include "testing/render/thread_communicators.h"
 #include "testing/test_folder.h"
 
@@ -39,17 +40,22 @@ class DistributedViews : public ::testing::Test {
  protected:
   static constexpr int kSide = 4, kCameras = kSide * kSide;
 
-  void SetUp() override {
+  void SetUp() override { open("take", {}); }
+
+  /// Writes and opens a take of a scene; none: a painted plane.
+  void open(const std::string& name, const testing::SceneFunction& scene) {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(kSide, kSide, 0.2, 96, 64);
     settings.depth_range = schemas::DepthRange{2.5, 10};
-    testing::write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<store::Take>(folder_.path() / "take");
+    settings.scene = scene;
+    testing::write_synthetic_take(settings, folder_.path() / name);
+    take_ = std::make_unique<store::Take>(folder_.path() / name);
     cache_ = std::make_unique<store::FrameCache>(*take_, 1 << 28, store::BlendSpace::kPerceptual);
     instant_.take = take_.get();
     instant_.rig = &take_->rig();
     instant_.cache = cache_.get();
     instant_.frame_of_camera.assign(kCameras, 0);
+    instant_.included_cameras.clear();
     for (int i = 0; i < kCameras; ++i) instant_.included_cameras.push_back(i);
     instant_.complete = std::make_shared<const rig::Topology>(
         rig::make_topology(take_->rig(), instant_.included_cameras));
@@ -134,6 +140,17 @@ class DistributedViews : public ::testing::Test {
     EXPECT_EQ(distributed.z, local.z) << what;
     for (std::size_t i = 0; i < local.coverage.size(); ++i) {
       ASSERT_LE(half_steps(distributed.coverage[i], local.coverage[i]), 1) << what;
+    }
+    ASSERT_EQ(distributed.edges.size(), local.edges.size()) << what;
+    for (std::size_t i = 0; i < local.edges.size(); ++i) {
+      const EdgePixel &theirs = distributed.edges[i], &ours = local.edges[i];
+      ASSERT_EQ(theirs.pixel, ours.pixel) << what;
+      EXPECT_EQ(theirs.front_z, ours.front_z) << what;
+      EXPECT_EQ(theirs.behind_z, ours.behind_z) << what;
+      for (std::size_t c = 0; c < 4; ++c) {
+        EXPECT_LE(half_steps(theirs.front[c], ours.front[c]), 1) << what;
+        EXPECT_LE(half_steps(theirs.behind[c], ours.behind[c]), 1) << what;
+      }
     }
     EXPECT_EQ(distributed.cameras, local.cameras) << what;
     EXPECT_EQ(distributed.nearest_ray, local.nearest_ray) << what;
@@ -224,6 +241,14 @@ TEST_F(DistributedViews, EqualItWithDepthsThatHostsFindTogether) {
 TEST_F(DistributedViews, EqualItWithDepthsWhereMemoryIsShortAndCamerasHaveNoFrame) {
   lose({5, 6, 15});
   working_bytes_ = 3 << 20;  // too little for the images of all cameras or the samples of all rows
+  expect_all_same("depth", {});
+}
+
+TEST_F(DistributedViews, EqualItWhereEdgesShowTwoSurfaces) {
+  open("steps", testing::step_scene);
+  const Method& method = method_named("depth");
+  const MethodOptions options(method.options(), {}, "depth");
+  ASSERT_GT(method.render(request(instant_, options, kept_)).edges.size(), 20U);
   expect_all_same("depth", {});
 }
 

@@ -249,7 +249,8 @@ bool is_summed(DistributionMode distribution) {
 std::size_t bytes_per_pixel(const Method& method, const RendererOptions& settings) {
   return view_buffer_bytes({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
          (settings.measure_confidence ? sizeof(float) : 0) +
-         (method.marks_empty_space() ? sizeof(float) : 0);
+         (method.marks_empty_space() ? sizeof(float) : 0) +
+         (method.tells_surfaces_apart() ? sizeof(EdgePixel) / 4 : 0);  // a quarter of the pixels
 }
 
 std::size_t pixels_of(const VirtualCamera& view) {
@@ -439,6 +440,7 @@ RenderedView LightFieldRenderer::render_instant(const VirtualCamera& view,
   if (reconstruction.fill == schemas::HoleFill::kPushPull) {
     const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
     fill(image);
+    fill_behind_edges(image);
   }
   image.statistics.source_pixels_per_pixel = ratio;
   image.statistics.supersampling = factor;

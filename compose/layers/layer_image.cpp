@@ -33,6 +33,7 @@ LayerImage make_layer_image(render::RenderedView view) {
     remove_rounding(view.coverage[i]);
     remove_rounding(view.rgba[4 * i + 3]);
   }
+  for (render::EdgePixel& edge : view.edges) remove_rounding(edge.behind[3]);
   LayerImage image;
   image.width = view.width;
   image.height = view.height;
@@ -48,6 +49,7 @@ LayerImage make_layer_image(render::RenderedView view) {
   if (!view.nearest_ray.empty()) {
     image.aovs.push_back({"lf", {"nearest"}, false, kNoDepth, std::move(view.nearest_ray)});
   }
+  image.edges = std::move(view.edges);
   image.statistics = view.statistics;
   image.notes = std::move(view.notes);
   return image;

@@ -31,6 +31,9 @@ struct LayerImage {
   /// Empty unless requested. kIdRanks pairs per pixel: id of an object and its share of A, by
   /// descending share; 0 for none.
   render::PixelValues ids;
+  /// Pixels of two surfaces, see render::RenderedView; in the space of `rgba` before it is
+  /// converted to the working space.
+  std::vector<render::EdgePixel> edges;
   render::RenderStatistics statistics;
   std::vector<std::string> notes;
 

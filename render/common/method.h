@@ -178,6 +178,8 @@ class Method {
   /// Returns whether rays are sampled on the focal plane where the depth range of the scene is
   /// unknown.
   virtual bool may_use_focal_plane() const { return uses_focal_plane(); }
+  /// Returns whether the method may fill RenderedView::edges.
+  virtual bool tells_surfaces_apart() const { return false; }
   /// Returns whether the method may fill RenderedView::empty_space.
   virtual bool marks_empty_space() const { return false; }
   /// Returns whether only the foreground is shown: transparent pixels are not missing rays.

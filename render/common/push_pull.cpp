@@ -112,4 +112,16 @@ void fill_push_pull(RenderedView& view) {
   push(levels[1], levels[0], empty_space);
 }
 
+void fill_behind_edges(RenderedView& view) {
+  for (EdgePixel& edge : view.edges) {
+    const float* filled = &view.rgba[4 * edge.pixel];
+    const float through = 1 - edge.front[3];
+    const float before = edge.front[3] + through * edge.behind[3];
+    constexpr float kRounding = 1e-6F;
+    if (filled[3] <= before + kRounding || !(through > 0)) continue;
+    for (std::size_t c = 0; c < 4; ++c) edge.behind[c] = (filled[c] - edge.front[c]) / through;
+    edge.behind[3] = std::min(1.0F, edge.behind[3]);
+  }
+}
+
 }  // namespace raystage::render

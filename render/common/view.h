@@ -103,6 +103,15 @@ struct DefaultInitAllocator : std::allocator<T> {
 };
 using PixelValues = std::vector<float, DefaultInitAllocator<float>>;
 
+/// A pixel at an edge of depth, in which two surfaces are seen: the one in front covers a part of
+/// the pixel. Colours are premultiplied, as RenderedView::rgba; depths are in metres.
+struct EdgePixel {
+  std::uint32_t pixel = 0;        ///< RenderedView::index()
+  std::array<float, 4> front{};   ///< A: that of the surface times the part that it covers
+  std::array<float, 4> behind{};  ///< as if the one in front were not there
+  float front_z = 0, behind_z = 0;
+};
+
 /// A reconstructed view, row-major from the top left.
 struct RenderedView {
   int width = 0, height = 0;
@@ -127,6 +136,9 @@ struct RenderedView {
   /// The part of a pixel's rays that are known to meet nothing, 0 to 1; empty where the method does
   /// not determine it. No camera saw the other rays that are missing from A.
   PixelValues empty_space;
+  /// The pixels of two surfaces, by increasing index, where the method tells them apart: `rgba` is
+  /// the front over what is behind, and `z` that of the first one at which half of A is reached.
+  std::vector<EdgePixel> edges;
   /// The cameras whose frame, or an adjacent one that the method reads, is rotten: it was left out.
   /// Only where the view would have read a rotten frame.
   std::vector<int> rotten_cameras;

@@ -75,6 +75,46 @@ void visibility(const VisibilityRun& run) {
   std::copy_n(visible, count, run.visible.begin());
 }
 
+void surface_share(const VisibilityRun& run, std::span<float> at_surface) {
+  const hn::ScalableTag<float> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const int lanes = static_cast<int>(hn::Lanes(d)), count = static_cast<int>(at_surface.size());
+  const int width = run.depths->width, height = run.depths->height;
+  const RowTransfer transfer(run.transfer, run.y, width, height);
+  const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F), half = hn::Set(d, 0.5F);
+  const auto last_x = hn::Set(d, static_cast<float>(width - 1));
+  const auto last_y = hn::Set(d, static_cast<float>(height - 1));
+  const auto right_most = hn::Set(di, width - 1), lowest = hn::Set(di, height - 1);
+  const auto next = hn::Set(di, 1), pitch = hn::Set(di, width);
+  const auto slope = hn::Set(d, 1 / (run.tolerance * (kOcclusionRamp - 1)));
+  const auto top = hn::Set(d, kOcclusionRamp / (kOcclusionRamp - 1));
+  const float* values = run.depths->values.data();
+  HWY_ALIGN float inverse_depth[kMaxRunPixels] = {}, share[kMaxRunPixels];
+  std::copy(run.inverse_depth.begin(), run.inverse_depth.end(), inverse_depth);
+  for (int i = 0; i < count; i += lanes) {
+    const auto place = transfer.at(d, run.x + i, hn::Load(d, inverse_depth + i));
+    const auto u = hn::Min(hn::Max(hn::Sub(place.u, half), zero), last_x);
+    const auto v = hn::Min(hn::Max(hn::Sub(place.v, half), zero), last_y);
+    const auto x0 = hn::ConvertTo(di, u), y0 = hn::ConvertTo(di, v);
+    const auto right = hn::Sub(u, hn::ConvertTo(d, x0)), down = hn::Sub(v, hn::ConvertTo(d, y0));
+    const auto x1 = hn::Min(hn::Add(x0, next), right_most), y1 = hn::Min(hn::Add(y0, next), lowest);
+    const auto clipped = [&](auto ramp) HWY_ATTR { return hn::Min(one, hn::Max(zero, ramp)); };
+    const auto is_there = [&](auto x, auto y) HWY_ATTR {
+      const auto its = hn::GatherIndex(d, values, hn::Add(hn::Mul(y, pitch), x));
+      const auto excess = hn::Sub(its, place.inverse_depth);
+      const auto there = hn::Mul(clipped(hn::NegMulAdd(excess, slope, top)),
+                                 clipped(hn::MulAdd(excess, slope, top)));
+      return hn::IfThenElse(hn::Lt(its, zero), one, there);
+    };
+    const auto upper_left = is_there(x0, y0), lower_left = is_there(x0, y1);
+    const auto upper = hn::MulAdd(right, hn::Sub(is_there(x1, y0), upper_left), upper_left);
+    const auto lower = hn::MulAdd(right, hn::Sub(is_there(x1, y1), lower_left), lower_left);
+    const auto all = hn::MulAdd(down, hn::Sub(lower, upper), upper);
+    hn::Store(hn::IfThenElse(place.inside, all, one), d, share + i);
+  }
+  std::copy_n(share, count, at_surface.begin());
+}
+
 /// RGB, premultiplied by `seen`, for a vector of pixels.
 template <class V>
 struct Colour {
@@ -213,11 +253,15 @@ HWY_AFTER_NAMESPACE();
 namespace raystage::render {
 
 HWY_EXPORT(visibility);
+HWY_EXPORT(surface_share);
 HWY_EXPORT(blend);
 HWY_EXPORT(first_sums);
 HWY_EXPORT(next_sums);
 
 void compute_visibility(const VisibilityRun& run) { HWY_DYNAMIC_DISPATCH(visibility)(run); }
+void compute_surface_share(const VisibilityRun& run, std::span<float> at_surface) {
+  HWY_DYNAMIC_DISPATCH(surface_share)(run, at_surface);
+}
 void blend_reweighted(const BlendRun& run, std::span<float> sums) {
   HWY_DYNAMIC_DISPATCH(blend)(run, sums);
 }

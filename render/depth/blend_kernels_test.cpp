@@ -60,6 +60,44 @@ TEST_F(BlendKernels, SeesAsTheReference) {
   }
 }
 
+TEST_F(BlendKernels, SharesOfSurfacesAreThoseOfTheReference) {
+  InverseDepthMap theirs = random_depths(5, 0.05F, 0.6F);
+  for (std::size_t i = 0; i < theirs.values.size(); i += 7) theirs.values[i] = kUnknownDepth;
+  const InverseDepthMap own = random_depths(3, 0.05F, 0.6F);
+  const InverseDepthMap nearest = block_nearest_depths(theirs);
+  constexpr float kTolerance = 0.1F;
+  testing::for_each_simd_target(depth_estimation_target, [&] {
+    int part = 0, none = 0;
+    for (const int y : {0, 14, kHeight - 1}) {
+      for (const int first : {0, 5}) {
+        const int count = kWidth - first - (first > 0 ? 9 : 0);
+        const std::span<const float> depths(own.values.data() + y * kWidth + first,
+                                            static_cast<std::size_t>(count));
+        std::vector<float> share(static_cast<std::size_t>(count));
+        compute_surface_share(
+            {first, y, partners_[1].transfer, &theirs, &nearest, depths, kTolerance, {}}, share);
+        for (int x = 0; x < count; ++x) {
+          const TransferredPoint p =
+              transfer_point(partners_[1].transfer, first + x + 0.5, y + 0.5, depths[x]);
+          const auto ramp = [](double excess) {
+            return std::clamp((kOcclusionRamp - excess) / (kOcclusionRamp - 1), 0.0, 1.0);
+          };
+          const double expected = !p.inside ? 1 : bilinear(p.u, p.v, [&](int i, int j) {
+            const auto its = static_cast<double>(theirs.at(i, j));
+            const double excess = (its - p.inverse_depth) / kTolerance;
+            return its < 0 ? 1.0 : ramp(excess) * ramp(-excess);
+          });
+          ASSERT_NEAR(share[x], expected, 2e-3) << x << ", " << y;
+          part += expected > 0.01 && expected < 0.99;
+          none += expected < 0.01;
+        }
+      }
+    }
+    EXPECT_GT(part, 20);
+    EXPECT_GT(none, 5);
+  });
+}
+
 TEST_F(BlendKernels, BlocksHoldTheNearestThatSamplesInThemMeet) {
   const InverseDepthMap map = random_depths(8, 0, 1);
   const InverseDepthMap nearest = block_nearest_depths(map);

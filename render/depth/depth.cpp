@@ -1,17 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Renders a view of the method "depth" from its plan (depth_view_plan.cpp). Determines the source
 // pixels, decodes them, and per pixel blends the samples of the selected cameras by weight,
-// visibility and agreement (blend_kernels.cpp). Input: the inverse depth (1/m) of each pixel of the
-// view. Output: premultiplied linear RGBA, coverage and planar depth z in metres. Cost: O(pixels x
-// cameras of a tile). Reference: depth_reference.cpp.
+// visibility and agreement (blend_kernels.cpp); at edges of depth both surfaces
+// (surface_pairs.cpp). Input: the inverse depth (1/m) of each pixel of the view. Output:
+// premultiplied linear RGBA, coverage and planar depth z in metres. Cost: O(pixels x cameras of a
+// tile). Reference: depth_reference.cpp.
 #include "render/depth/depth.h"
 
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <mutex>
+#include <optional>
 
 #include "base/parallel.h"
 #include "render/depth/blend_kernels.h"
+#include "render/depth/surface_pairs.h"
 #include "render/depth/view_sources.h"
 #include "render/sampling/field_coverage.h"
 
@@ -24,7 +28,11 @@ static_assert(BlendingField::kTile <= kMaxRunPixels);
 class Frame {
  public:
   Frame(const ViewRequest& request, const DepthViewPlan& plan)
-      : request_(request), view_(request.view), plan_(plan), sources_(request, plan) {}
+      : request_(request),
+        view_(request.view),
+        plan_(plan),
+        separation_(surface_separation(plan, request)),
+        sources_(request, plan) {}
 
   RenderedView render(RenderClock::time_point start) {
     RenderedView image = uninitialised_view(view_);
@@ -48,6 +56,7 @@ class Frame {
   void blend(RenderedView& image) {
     constexpr int kTiles = 4;
     const std::vector<Tile>& all = plan_.field.tiles();
+    std::mutex edges_mutex;
     raystage::parallel_for(tbb::blocked_range<int>(0, static_cast<int>(all.size()), kTiles),
                            [&](const tbb::blocked_range<int>& tiles) {
                              Scratch scratch;
@@ -57,20 +66,30 @@ class Frame {
                                  blend_run(tile, y, scratch, image);
                                }
                              }
+                             const std::scoped_lock lock(edges_mutex);
+                             image.edges.insert(image.edges.end(), scratch.edges.begin(),
+                                                scratch.edges.end());
                            });
+    std::ranges::sort(image.edges, {}, &EdgePixel::pixel);
   }
 
   /// Samples, weights and visibility of all cameras of a run; reused from run to run.
   struct Scratch {
     std::vector<std::array<float, 4 * kMaxRunPixels>> samples;
     std::vector<std::array<float, kMaxRunPixels>> weights, visible;
-    std::array<float, kMaxRunPixels> seen, seen_by_all;  // of frames with a matte
+    std::vector<std::array<float, kMaxRunPixels>> seen;  // of frames with a matte
+    std::array<float, kMaxRunPixels> seen_by_all;        // of these
+    std::array<FrontShare, kMaxRunPixels> shares;        // at the front surfaces of pairs
     std::vector<const float*> sample_of, share_of, visible_of;
+    std::array<float, 4 * kMaxRunPixels> behind;  // colours behind the front surfaces
+    std::vector<EdgePixel> edges;                 // of all runs
   };
 
-  void blend_run(const Tile& tile, int y, Scratch& scratch, RenderedView& image) {
-    const auto n = static_cast<std::size_t>(tile.right - tile.left);
-    const std::span<const float> depths(sources_.depths_at(tile.left, y), n);
+  /// Writes the premultiplied colours of a run's points. `surfaces`: of its pixels, if the points
+  /// are those in front; null: those behind.
+  void blend_points(const Tile& tile, const PixelRun& pixels, const SurfaceRun* surfaces,
+                    Scratch& scratch, std::span<float> rgba) {
+    const std::size_t n = pixels.inverse_depth.size();
     scratch.samples.resize(std::max(scratch.samples.size(), tile.cameras.size()));
     scratch.weights.resize(scratch.samples.size());
     scratch.visible.resize(scratch.samples.size());
@@ -83,6 +102,10 @@ class Frame {
       return ones;
     }();
     const store::FrameCache& cache = *request_.instant.cache;
+    const auto full_scale = static_cast<float>(cache.full_scale());
+    if (cache.has_matte()) scratch.seen.resize(scratch.samples.size());
+    const bool has_pairs = surfaces != nullptr && surfaces->has_pairs();
+    if (has_pairs) scratch.shares.fill({});
     scratch.seen_by_all = {};
     for (const BlendingField::TileCamera& camera : tile.cameras) {
       const ViewSources::Source& from = sources_[camera.camera];
@@ -90,38 +113,68 @@ class Frame {
       const std::size_t i = scratch.sample_of.size();
       auto& share = scratch.weights[i];
       auto& samples = scratch.samples[i];
-      sample_camera(sources_, plan_, tile, camera, y,
-                    {samples.data(), share.data(), scratch.visible[i].data()});
+      auto& visible = scratch.visible[i];
+      const CameraRun run{samples.data(), share.data(), visible.data()};
+      sample_camera(sources_, plan_, tile, camera, pixels, run);
       if (cache.has_matte()) {
-        scratch.seen = {};
-        add_visibility_at_depth(from.source, tile.left, y, depths, {kAll.data(), n},
-                                {scratch.seen.data(), n});
-        for (std::size_t x = 0; x < n; ++x) {
-          scratch.seen_by_all[x] += share[x] * scratch.visible[i][x] * scratch.seen[x];
-        }
+        scratch.seen[i] = {};
+        add_visibility_at_depth(from.source, pixels.x, pixels.y, pixels.inverse_depth,
+                                {kAll.data(), n}, {scratch.seen[i].data(), n});
+      }
+      if (has_pairs) {
+        const SeenByFrame seen = cache.has_matte() ? SeenByFrame{scratch.seen[i].data(), 1}
+                                                   : SeenByFrame{samples.data() + 3, 4};
+        weigh_front_surfaces(sources_, plan_, camera.camera, pixels, *surfaces, run, seen,
+                             scratch.shares);
+      }
+      for (std::size_t x = 0; cache.has_matte() && x < n; ++x) {
+        scratch.seen_by_all[x] += share[x] * visible[x] * scratch.seen[i][x];
       }
       scratch.sample_of.push_back(samples.data());
       scratch.share_of.push_back(share.data());
-      scratch.visible_of.push_back(scratch.visible[i].data());
+      scratch.visible_of.push_back(visible.data());
     }
-    const std::size_t at = image.index(tile.left, y);
-    const std::span<float> rgba(&image.rgba[at * 4], n * 4);
     blend_reweighted({scratch.sample_of, scratch.share_of, scratch.visible_of, static_cast<int>(n),
                       static_cast<float>(plan_.settings.agreement * 257)},
                      rgba);
-    const auto full_scale = static_cast<float>(cache.full_scale());
     if (cache.has_matte()) {
       finish_samples(rgba, {scratch.seen_by_all.data(), n}, cache.blend_space(), full_scale, rgba);
     } else {
       finish_samples(rgba, cache.blend_space(), full_scale, rgba);
     }
+  }
+
+  void blend_run(const Tile& tile, int y, Scratch& scratch, RenderedView& image) {
+    const int count = tile.right - tile.left;
+    const auto n = static_cast<std::size_t>(count);
+    SurfaceRun surfaces = surfaces_of_run(plan_.view_depths, tile.left, y, count, separation_);
+    const std::size_t at = image.index(tile.left, y);
+    const std::span<float> rgba(&image.rgba[at * 4], n * 4);
+    blend_points(tile, {tile.left, y, {surfaces.front.data(), n}}, &surfaces, scratch, rgba);
+    if (surfaces.has_pairs()) {
+      const auto begin = static_cast<std::size_t>(surfaces.begin),
+                 part = static_cast<std::size_t>(surfaces.end - surfaces.begin);
+      blend_points(tile, {tile.left + surfaces.begin, y, {surfaces.behind.data() + begin, part}},
+                   nullptr, scratch, {scratch.behind.data(), 4 * part});
+      for (std::size_t x = begin; x < begin + part; ++x) {
+        if (!surfaces.is_pair[x]) continue;
+        const std::span<float, 4> pixel(&rgba[4 * x], 4);
+        CombinedSurfaces both =
+            combine_surfaces({surfaces.front[x], surfaces.behind[x]}, scratch.shares[x], pixel,
+                             std::span<const float, 4>(&scratch.behind[4 * (x - begin)], 4));
+        std::ranges::copy(both.rgba, pixel.begin());
+        surfaces.front[x] = both.inverse_depth;
+        if (!both.edge) continue;
+        both.edge->pixel = static_cast<std::uint32_t>(at + x);
+        scratch.edges.push_back(*both.edge);
+      }
+    }
     for (std::size_t x = 0; x < n; ++x) {
-      const float alpha = rgba[4 * x + 3];
+      const float alpha = rgba[4 * x + 3], depth = surfaces.front[x];
       const float absent = absent_camera_weight(plan_.complete, request_.instant,
                                                 tile.left + static_cast<int>(x), y);
       image.coverage[at + x] = alpha * (1 - absent);
-      image.z[at + x] =
-          alpha > 0 && depths[x] > 0 ? 1 / depths[x] : std::numeric_limits<float>::infinity();
+      image.z[at + x] = alpha > 0 && depth > 0 ? 1 / depth : std::numeric_limits<float>::infinity();
     }
   }
 
@@ -133,8 +186,14 @@ class Frame {
         if (find_camera(tile, camera) == nullptr) continue;
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
         for (int y = tile.top; y < tile.bottom; ++y) {
-          mark_samples_at_depth(marking, tile.left, y, {sources_.depths_at(tile.left, y), n},
-                                {share.data(), n}, plan_.settings.interpolation);
+          const SurfaceRun surfaces =
+              surfaces_of_run(plan_.view_depths, tile.left, y, static_cast<int>(n), separation_);
+          const auto mark = [&](const auto& depths) {
+            mark_samples_at_depth(marking, tile.left, y, {depths.data(), n}, {share.data(), n},
+                                  plan_.settings.interpolation);
+          };
+          mark(surfaces.front);
+          if (surfaces.has_pairs()) mark(surfaces.behind);
         }
       }
     });
@@ -143,6 +202,7 @@ class Frame {
   const ViewRequest& request_;
   const VirtualCamera& view_;
   const DepthViewPlan& plan_;
+  std::optional<float> separation_;  // of two surfaces of a pixel
   ViewSources sources_;
 };
 

@@ -19,7 +19,8 @@ namespace raystage::render {
 /// cameras. A pixel is the weighted mean of the cameras that see the point; outliers have less
 /// weight. A = min(1, w / kFullAlphaWeight), w = the sum of the weights of the selected cameras
 /// that see the point. Coverage is A less the weights of cameras that would be selected but have no
-/// frame at this instant. z: planar depth of the point. Throws Error (bad input) if neither the
+/// frame at this instant. z: planar depth of the point. A pixel at an edge of depth shows two
+/// surfaces (surface_pairs.h, RenderedView::edges). Throws Error (bad input) if neither the
 /// take nor the options give the depth range of the scene.
 const Method& depth_method();
 
@@ -37,7 +38,8 @@ struct DepthViewOptions {
   double agreement = 10;  ///< colour difference of half weight, codes of 255
   Interpolation interpolation = Interpolation::kCubic;  ///< of source frames
   bool stores_depths = true;                            ///< store depths in the take's folder
-  bool temporal = false;  ///< average depths with those of adjacent_frames
+  bool temporal = false;   ///< average depths with those of adjacent_frames
+  bool soft_edges = true;  ///< pixels at edges of depth show two surfaces
 };
 
 /// The depths of the cameras of a light field frame.
@@ -96,6 +98,11 @@ float visibility_tolerance(const DepthViewPlan& plan);
 /// `towards` from the camera's centre (world, vector to the point times `inverse_depth`).
 double point_visibility(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
                         double inverse_depth);
+
+/// Returns the part of the visibility for which the camera's own depth is that of the point, in
+/// double; see compute_surface_share().
+double point_surface_share(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
+                           double inverse_depth);
 
 /// Fills RenderedView::cameras and nearest_ray.
 void measure_coverage(const ViewRequest& request, const DepthViewPlan& plan, RenderedView& image);

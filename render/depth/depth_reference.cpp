@@ -6,9 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <mutex>
+#include <utility>
 
 #include "render/depth/blend_kernels.h"
 #include "render/depth/depth.h"
+#include "render/depth/surface_pairs.h"
 #include "render/sampling/field_coverage.h"
 #include "render/sampling/reference_renderer.h"
 
@@ -18,11 +21,13 @@ namespace {
 struct Sample {
   DepthSample at;
   double share = 0, visible = 0;
+  double in_sight = 0;  ///< visible, also where the camera's depth is behind the point
 };
 
 struct Agreed {
   std::array<double, 3> code{};   ///< full scale 1
   double visible = 0, matte = 0;  ///< weights that see the point; those times matte alpha
+  double in_sight = 0;            ///< weights of Sample::in_sight
 };
 
 Agreed agreed(const std::vector<Sample>& samples, double agreement) {
@@ -53,6 +58,7 @@ Agreed agreed(const std::vector<Sample>& samples, double agreement) {
     const double visible = s.share * s.visible * s.at.seen;
     result.visible += visible;
     result.matte += visible * s.at.alpha;
+    result.in_sight += s.share * s.in_sight * s.at.seen;
   }
   return result;
 }
@@ -66,27 +72,29 @@ class Reference {
     RenderedView image = renderer_.render(
         [&](const ReferenceRay& ray, ReferencePixel& pixel) { reconstruct(ray, pixel); });
     image.notes = plan_.notes;
+    std::ranges::sort(edges_, {}, &EdgePixel::pixel);
+    image.edges = std::move(edges_);
     image.statistics.pixels_decoded += plan_.work.pixels_decoded;
     if (request_.measure_coverage) measure_coverage(request_, plan_, image);
     return image;
   }
 
  private:
-  /// Returns the inverse depth of the nearest pixel of the view without distortion, 1/m.
-  double inverse_depth(const Eigen::Vector3d& ray) const {
+  /// Returns the nearest pixel of the view without distortion.
+  std::array<int, 2> pinhole_pixel(const Eigen::Vector3d& ray) const {
     const Eigen::Vector3d in_camera =
         plan_.pinhole.pose.world_from_camera_rotation.transpose() * ray;
     const schemas::Intrinsics& k = plan_.pinhole.intrinsics;
     const InverseDepthMap& map = plan_.view_depths;
     const double u = k.fx * in_camera.x() / -in_camera.z() + k.cx;
     const double v = k.fy * in_camera.y() / in_camera.z() + k.cy;
-    return map.at(static_cast<int>(std::clamp(u, 0.0, map.width - 1.0)),
-                  static_cast<int>(std::clamp(v, 0.0, map.height - 1.0)));
+    return {static_cast<int>(std::clamp(u, 0.0, map.width - 1.0)),
+            static_cast<int>(std::clamp(v, 0.0, map.height - 1.0))};
   }
 
-  void reconstruct(const ReferenceRay& ray, ReferencePixel& pixel) {
+  /// Blends the cameras at a depth; `is_front`: those whose own depths are there.
+  Agreed blend(const ReferenceRay& ray, double depth, bool is_front) {
     const Eigen::Vector3d& eye = request_.view.pose.position;
-    const double depth = inverse_depth(ray.direction);
     const BlendingField::Tile& tile = plan_.field.tile_at(ray.x, ray.y);
     std::vector<Sample> samples;
     for (const BlendingField::TileCamera& chosen : tile.cameras) {
@@ -96,55 +104,119 @@ class Reference {
                                             renderer_.frames().frame(chosen.camera),
                                             plan_.settings.interpolation);
       sample.share = BlendingField::share(tile, chosen, ray.x, ray.y);
-      sample.visible = point_visibility(
-          plan_, chosen.camera, ray.direction + depth * (eye - camera.pose.position), depth);
+      const Eigen::Vector3d towards = ray.direction + depth * (eye - camera.pose.position);
+      sample.visible = sample.in_sight = point_visibility(plan_, chosen.camera, towards, depth);
+      if (is_front) sample.visible = point_surface_share(plan_, chosen.camera, towards, depth);
       samples.push_back(sample);
     }
-    const Agreed result = agreed(samples, plan_.settings.agreement / 255);
-    const double opacity = std::min(1.0, result.visible / static_cast<double>(kFullAlphaWeight));
+    return agreed(samples, plan_.settings.agreement / 255);
+  }
+
+  /// Returns premultiplied light.
+  std::array<float, 4> rgba_of(const Agreed& blended) const {
+    const double opacity = std::min(1.0, blended.visible / static_cast<double>(kFullAlphaWeight));
     const double alpha =
-        opacity > 0 ? opacity * std::clamp(result.matte / result.visible, 0.0, 1.0) : 0;
-    if (!(alpha > 0)) return;
-    std::array<double, 3> code = result.code;
+        opacity > 0 ? opacity * std::clamp(blended.matte / blended.visible, 0.0, 1.0) : 0;
+    if (!(alpha > 0)) return {};
+    std::array<double, 3> code = blended.code;
     for (double& value : code) value = std::clamp(value, 0.0, 1.0);
-    pixel.rgba = premultiplied_light(code, alpha, *request_.instant.cache);
+    return premultiplied_light(code, alpha, *request_.instant.cache);
+  }
+
+  void reconstruct(const ReferenceRay& ray, ReferencePixel& pixel) {
+    const auto [u, v] = pinhole_pixel(ray.direction);
+    float depth = plan_.view_depths.at(u, v);
+    const auto separation = surface_separation(plan_, request_);
+    const auto pair =
+        separation ? surface_pair(plan_.view_depths, u, v, *separation) : std::nullopt;
+    if (pair) {
+      const Agreed front = blend(ray, static_cast<double>(pair->front), true),
+                   behind = blend(ray, static_cast<double>(pair->behind), false);
+      CombinedSurfaces both = combine_surfaces(
+          *pair, {static_cast<float>(front.in_sight), static_cast<float>(front.visible)},
+          rgba_of(front), rgba_of(behind));
+      pixel.rgba = both.rgba;
+      depth = both.inverse_depth;
+      if (both.edge) {
+        both.edge->pixel = static_cast<std::uint32_t>(ray.y * request_.view.width + ray.x);
+        const std::scoped_lock lock(edges_mutex_);
+        edges_.push_back(*both.edge);
+      }
+    } else {
+      pixel.rgba = rgba_of(blend(ray, static_cast<double>(depth), false));
+    }
+    const auto alpha = static_cast<double>(pixel.rgba[3]);
+    if (!(alpha > 0)) return;
     pixel.coverage = static_cast<float>(
         alpha * (1 - absent_camera_weight(plan_.complete, request_.instant, ray.x, ray.y)));
-    if (depth > 0) pixel.z = static_cast<float>(1 / depth);
+    if (depth > 0) pixel.z = 1 / depth;
   }
 
   const ViewRequest& request_;
   const DepthViewPlan& plan_;
   ReferenceRenderer renderer_;
+  std::mutex edges_mutex_;
+  std::vector<EdgePixel> edges_;
 };
+
+}  // namespace
+
+namespace {
+
+/// Calls body(excess, is_unknown, weight) for the four pixels of a camera's depths around a point;
+/// `excess`: how far, in tolerances, the camera's inverse depth is above the point's. Returns false
+/// outside of the camera's image.
+template <class Body>
+bool for_depths_around(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
+                       double inverse_depth, const Body& body) {
+  const InverseDepthMap& map = plan.depths->maps[camera];
+  const VirtualCamera& pinhole = plan.depths->pinholes[camera];
+  const auto tolerance = static_cast<double>(visibility_tolerance(plan));
+  const Eigen::Vector3d in_camera = pinhole.pose.world_from_camera_rotation.transpose() * towards;
+  if (!(in_camera.z() < 0)) return false;
+  const schemas::Intrinsics& k = pinhole.intrinsics;
+  const double u = k.fx * in_camera.x() / -in_camera.z() + k.cx;
+  const double v = k.fy * in_camera.y() / in_camera.z() + k.cy;
+  if (!(u >= 0 && v >= 0 && u <= map.width && v <= map.height)) return false;
+  const double there = inverse_depth / -in_camera.z();
+  const double left = std::clamp(u - 0.5, 0.0, map.width - 1.0);
+  const double top = std::clamp(v - 0.5, 0.0, map.height - 1.0);
+  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
+  for (int y = y0; y <= y0 + 1; ++y) {
+    for (int x = x0; x <= x0 + 1; ++x) {
+      const double weight = (1 - std::abs(left - x)) * (1 - std::abs(top - y));
+      const float its = map.at(std::min(x, map.width - 1), std::min(y, map.height - 1));
+      body((its - there) / tolerance, its < 0, weight);
+    }
+  }
+  return true;
+}
+
+/// Returns 1 up to 1 tolerance, and 0 from kOcclusionRamp on.
+double visible_ramp(double tolerances) {
+  return std::clamp((kOcclusionRamp - tolerances) / (kOcclusionRamp - 1), 0.0, 1.0);
+}
 
 }  // namespace
 
 double point_visibility(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
                         double inverse_depth) {
-  const InverseDepthMap& map = plan.depths->maps[camera];
-  const VirtualCamera& pinhole = plan.depths->pinholes[camera];
-  const auto tolerance = static_cast<double>(visibility_tolerance(plan));
-  const Eigen::Vector3d in_camera = pinhole.pose.world_from_camera_rotation.transpose() * towards;
-  if (!(in_camera.z() < 0)) return 1;
-  const schemas::Intrinsics& k = pinhole.intrinsics;
-  const double u = k.fx * in_camera.x() / -in_camera.z() + k.cx;
-  const double v = k.fy * in_camera.y() / in_camera.z() + k.cy;
-  if (!(u >= 0 && v >= 0 && u <= map.width && v <= map.height)) return 1;
-  const double there = inverse_depth / -in_camera.z();
-  const double left = std::clamp(u - 0.5, 0.0, map.width - 1.0);
-  const double top = std::clamp(v - 0.5, 0.0, map.height - 1.0);
-  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
   double seen = 0;
-  for (int y = y0; y <= y0 + 1; ++y) {
-    for (int x = x0; x <= x0 + 1; ++x) {
-      const double weight = (1 - std::abs(left - x)) * (1 - std::abs(top - y));
-      const double nearer = map.at(std::min(x, map.width - 1), std::min(y, map.height - 1)) - there;
-      seen += weight *
-              std::clamp((kOcclusionRamp - nearer / tolerance) / (kOcclusionRamp - 1), 0.0, 1.0);
-    }
-  }
-  return seen;
+  const bool is_inside = for_depths_around(plan, camera, towards, inverse_depth,
+                                           [&](double excess, bool /*is_unknown*/, double weight) {
+                                             seen += weight * visible_ramp(excess);
+                                           });
+  return is_inside ? seen : 1;
+}
+
+double point_surface_share(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
+                           double inverse_depth) {
+  double there = 0;
+  const bool is_inside = for_depths_around(
+      plan, camera, towards, inverse_depth, [&](double excess, bool is_unknown, double weight) {
+        there += weight * (is_unknown ? 1 : visible_ramp(excess) * visible_ramp(-excess));
+      });
+  return is_inside ? there : 1;
 }
 
 void measure_coverage(const ViewRequest& request, const DepthViewPlan& plan, RenderedView& image) {

@@ -46,6 +46,9 @@ constexpr std::array kOptions{
     flag_option("temporal", false,
                 "average depths with those of the adjacent ticks of the timeline, where a "
                 "camera's picture does not change"),
+    flag_option("soft_edges", true,
+                "pixels at edges of depth show two surfaces: the one in front covers a part of "
+                "each"),
     renamed_option(
         "keep",
         flag_option("store_depths", true,
@@ -62,6 +65,7 @@ DepthViewOptions settings_of(const MethodOptions& options, const store::Take& ta
   s.agreement = options.number("color_tolerance");
   s.stores_depths = options.flag("store_depths") && use_take_folder;
   s.temporal = options.flag("temporal");
+  s.soft_edges = options.flag("soft_edges");
   return s;
 }
 
@@ -326,7 +330,7 @@ class DepthMethod final : public Method {
   }
   std::span<const OptionSpec> options() const override { return depth::kOptions; }
   std::span<const MethodPreset> presets() const override {
-    static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}};
+    static constexpr MethodPreset kPresets[]{{"fast", "cameras=6,soft_edges=false"}};
     return kPresets;
   }
   RenderedView render(const ViewRequest& request) const override { return depth::render(request); }
@@ -368,6 +372,7 @@ class DepthMethod final : public Method {
     return depth_surface({found, &found->depths}, *r.instant.rig, settings.estimation.scene);
   }
   bool uses_focal_plane() const override { return false; }
+  bool tells_surfaces_apart() const override { return true; }
   bool reads_adjacent_frames(const MethodOptions& options) const override {
     return options.flag("temporal");
   }

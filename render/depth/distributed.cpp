@@ -8,6 +8,7 @@
 #include "render/depth/distributed.h"
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <utility>
 
@@ -19,6 +20,7 @@
 #include "render/depth/host_messages.h"
 #include "render/depth/host_reduction.h"
 #include "render/depth/local_depths.h"
+#include "render/depth/surface_pairs.h"
 #include "render/depth/view_sources.h"
 #include "render/depth/warp.h"
 #include "render/sampling/field_coverage.h"
@@ -99,8 +101,116 @@ class BandBlend {
     top_ = field.tile(0, first).top;
     const int bottom = field.tile(0, end - 1).bottom;
     const auto width = static_cast<std::size_t>(request_.view.width);
-    const std::size_t pixels = width * (bottom - top_);
-    sample(first, end);
+    const std::size_t pixels = width * static_cast<std::size_t>(bottom - top_);
+    find_surfaces(first, end);
+    in_sight_.assign(pixels, 0.0F);
+    sample(first, end, Surface::kFront);
+    const std::size_t start = static_cast<std::size_t>(top_) * width;
+    const std::vector<float> alpha = blend_samples(first, end, contribution.planes[0]);
+    if (has_pairs_) {
+      HostReduction(group_, request_.view.width, columns_with_samples(first, end))
+          .reduce_to_first(in_sight_);
+    }
+    std::vector<float> alpha_behind(pixels, 0.0F);
+    if (has_pairs_) {
+      sample(first, end, Surface::kBehind);
+      alpha_behind = blend_samples(first, end, contribution.planes[2]);
+    }
+    if (group_.rank() != 0) return;
+    for_each_tile(first, end, [&](const Tile& tile, const TileSamples& samples) {
+      for (int y = tile.top; y < tile.bottom; ++y) {
+        const SurfaceRun& surfaces = samples.surfaces[static_cast<std::size_t>(y - tile.top)];
+        for (int x = tile.left; x < tile.right; ++x) {
+          const std::size_t in_tile = static_cast<std::size_t>(x - tile.left), i = in_band(x, y);
+          float* pixel = &contribution.planes[1][4 * (start + i)];
+          pixel[0] = surfaces.front[in_tile];
+          pixel[1] = alpha[i];
+          pixel[2] = surfaces.is_pair[in_tile] ? surfaces.behind[in_tile] : kUnknownDepth;
+          pixel[3] = in_sight_[i];
+          contribution.planes[3][4 * (start + i)] = alpha_behind[i];
+        }
+      }
+    });
+  }
+
+ private:
+  enum class Surface { kFront, kBehind };
+
+  /// A tile's samples of this host's cameras, row by row.
+  struct TileSamples {
+    std::vector<SurfaceRun> surfaces;  ///< of each row
+    bool has_pairs = false;
+    std::size_t cameras = 0;
+    std::vector<float> values;  ///< per row and camera: 4 samples, weight, visibility of each pixel
+  };
+  static constexpr std::size_t kPerRun = 6 * static_cast<std::size_t>(kMaxRunPixels);
+
+  std::size_t in_band(int x, int y) const {
+    return static_cast<std::size_t>(y - top_) * request_.view.width + x;
+  }
+
+  template <class Body>
+  void for_each_tile(int first, int end, const Body& body) {
+    const int columns = plan_.field.columns();
+    raystage::parallel_for(0, (end - first) * columns, [&](int i) {
+      body(plan_.field.tile(i % columns, first + i / columns), tiles_[i]);
+    });
+  }
+
+  void find_surfaces(int first, int end) {
+    tiles_.assign(static_cast<std::size_t>((end - first) * plan_.field.columns()), {});
+    const auto separation = surface_separation(plan_, request_);
+    for_each_tile(first, end, [&](const Tile& tile, TileSamples& samples) {
+      for (int y = tile.top; y < tile.bottom; ++y) {
+        samples.surfaces.push_back(
+            surfaces_of_run(plan_.view_depths, tile.left, y, tile.right - tile.left, separation));
+        samples.has_pairs = samples.has_pairs || samples.surfaces.back().has_pairs();
+      }
+    });
+    has_pairs_ = std::ranges::any_of(tiles_, &TileSamples::has_pairs);
+  }
+
+  /// Samples this host's cameras at the points in front, or in tiles with pairs at those behind.
+  void sample(int first, int end, Surface surface) {
+    for_each_tile(first, end, [&](const Tile& tile, TileSamples& samples) {
+      std::vector<const BlendingField::TileCamera*> cameras;
+      for (const BlendingField::TileCamera& camera : tile.cameras) {
+        if (surface == Surface::kBehind && !samples.has_pairs) break;
+        if (sources_[camera.camera].frame) cameras.push_back(&camera);
+      }
+      samples.cameras = cameras.size();
+      samples.values.resize(cameras.size() * static_cast<std::size_t>(tile.bottom - tile.top) *
+                            kPerRun);
+      float* at = samples.values.data();
+      const auto n = static_cast<std::size_t>(tile.right - tile.left);
+      std::array<FrontShare, kMaxRunPixels> shares;
+      for (int y = tile.top; y < tile.bottom; ++y) {
+        const SurfaceRun& surfaces = samples.surfaces[static_cast<std::size_t>(y - tile.top)];
+        const auto& depths = surface == Surface::kFront ? surfaces.front : surfaces.behind;
+        const PixelRun pixels{tile.left, y, {depths.data(), n}};
+        const bool weighs = surface == Surface::kFront && surfaces.has_pairs();
+        shares.fill({});
+        for (const BlendingField::TileCamera* camera : cameras) {
+          const CameraRun run{at, at + std::ptrdiff_t{4} * kMaxRunPixels,
+                              at + std::ptrdiff_t{5} * kMaxRunPixels};
+          sample_camera(sources_, plan_, tile, *camera, pixels, run);
+          if (weighs) {
+            weigh_front_surfaces(sources_, plan_, camera->camera, pixels, surfaces, run,
+                                 {run.samples + 3, 4}, shares);
+          }
+          at += kPerRun;
+        }
+        for (std::size_t x = 0; weighs && x < n; ++x) {
+          in_sight_[in_band(tile.left, y) + x] = shares[x].visible;
+        }
+      }
+    });
+  }
+
+  /// Blends the samples over all hosts. Writes this host's part of the sums to a plane, and returns
+  /// the sums of weights, of all hosts on host 0.
+  std::vector<float> blend_samples(int first, int end, PixelValues& plane) {
+    const std::size_t pixels = in_sight_.size();
     std::vector<float> sums(4 * pixels, 0.0F), alpha(pixels, 0.0F);
     for_each_run(first, end, [&](const Tile& tile, int y, const BlendRun& run) {
       const std::size_t at = in_band(tile.left, y);
@@ -119,57 +229,10 @@ class BandBlend {
       });
       if (round + 1 < kReweightingRounds) over_hosts.sum(sums, 4);
     }
-    const std::size_t start = static_cast<std::size_t>(top_) * width;
-    std::ranges::copy(sums,
-                      contribution.planes[0].begin() + static_cast<std::ptrdiff_t>(4 * start));
-    if (group_.rank() != 0) return;
-    for (std::size_t i = 0; i < pixels; ++i) {
-      float* pixel = &contribution.planes[1][4 * (start + i)];
-      pixel[0] = plan_.view_depths.values[start + i];
-      pixel[1] = alpha[i];
-    }
-  }
-
- private:
-  /// A tile's samples of this host's cameras, row by row.
-  struct TileSamples {
-    std::size_t cameras = 0;
-    std::vector<float> values;  ///< per row and camera: 4 samples, weight, visibility of each pixel
-  };
-  static constexpr std::size_t kPerRun = 6 * static_cast<std::size_t>(kMaxRunPixels);
-
-  std::size_t in_band(int x, int y) const {
-    return static_cast<std::size_t>(y - top_) * request_.view.width + x;
-  }
-
-  template <class Body>
-  void for_each_tile(int first, int end, const Body& body) {
-    const int columns = plan_.field.columns();
-    raystage::parallel_for(0, (end - first) * columns, [&](int i) {
-      body(plan_.field.tile(i % columns, first + i / columns), tiles_[i]);
-    });
-  }
-
-  void sample(int first, int end) {
-    tiles_.assign((end - first) * plan_.field.columns(), {});
-    for_each_tile(first, end, [&](const Tile& tile, TileSamples& samples) {
-      std::vector<const BlendingField::TileCamera*> cameras;
-      for (const BlendingField::TileCamera& camera : tile.cameras) {
-        if (sources_[camera.camera].frame) cameras.push_back(&camera);
-      }
-      samples.cameras = cameras.size();
-      samples.values.resize(cameras.size() * static_cast<std::size_t>(tile.bottom - tile.top) *
-                            kPerRun);
-      float* at = samples.values.data();
-      for (int y = tile.top; y < tile.bottom; ++y) {
-        for (const BlendingField::TileCamera* camera : cameras) {
-          sample_camera(
-              sources_, plan_, tile, *camera, y,
-              {at, at + std::ptrdiff_t{4} * kMaxRunPixels, at + std::ptrdiff_t{5} * kMaxRunPixels});
-          at += kPerRun;
-        }
-      }
-    });
+    const std::size_t start =
+        static_cast<std::size_t>(top_) * static_cast<std::size_t>(request_.view.width);
+    std::ranges::copy(sums, plane.begin() + static_cast<std::ptrdiff_t>(4 * start));
+    return alpha;
   }
 
   /// Returns, for each row of the band, the columns in which this host has samples.
@@ -217,7 +280,14 @@ class BandBlend {
   const RankCommunicator& group_;
   int top_ = 0;  // first row of the band in the view
   std::vector<TileSamples> tiles_;
+  bool has_pairs_ = false;       // whether a pixel of the band shows two surfaces
+  std::vector<float> in_sight_;  // FrontShare::visible of each pixel of the band
 };
+
+/// Of a contribution: sums at the points in front; their inverse depth, weight, the inverse depth
+/// behind them (unknown: there is one surface) and FrontShare::visible; sums at the points behind;
+/// their weight.
+constexpr std::size_t kPlanes = 4;
 
 /// Returns the end of the band from row of tiles `first` on, at least one row of tiles further. The
 /// samples of all hosts' cameras in it fit `working_bytes`, so all hosts use the same bands.
@@ -241,7 +311,7 @@ Contribution contribute(const ViewRequest& request) {
   const RankCommunicator& group = request.group != nullptr ? *request.group : alone;
   const auto start = RenderClock::now();
   Contribution contribution;
-  contribution.planes.assign(2, PixelValues(view_value_count(request.view), 0.0F));
+  contribution.planes.assign(kPlanes, PixelValues(view_value_count(request.view), 0.0F));
   std::optional<DepthViewPlan> plan = plan_without_depths(request);
   if (!plan) return contribution;
   const auto held = local_depths(request, plan->settings, group);
@@ -271,27 +341,51 @@ RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>&
   RenderedView image = uninitialised_view(request.view);
   const store::FrameCache& cache = *request.instant.cache;
   const auto width = static_cast<std::size_t>(request.view.width);
+  const auto full_scale = static_cast<float>(cache.full_scale());
+  // Writes the colours of a row from the sums of all hosts and their weights.
+  const auto finish = [&](const PixelValues& sums_of_view, const PixelValues& weights,
+                          std::size_t weight_at, std::size_t row, std::span<float> rgba) {
+    for (std::size_t x = 0; x < width; ++x) {
+      const float* sum = &sums_of_view[4 * (row + x)];
+      const float alpha = weights[4 * (row + x) + weight_at];
+      const float scale = sum[3] > 0 ? alpha / std::max(sum[3], 1e-30F) : 0.0F;
+      for (std::size_t c = 0; c < 4; ++c) rgba[4 * x + c] = sum[c] * scale;
+    }
+    finish_samples(rgba, cache.blend_space(), full_scale, rgba);
+  };
+  std::vector<std::vector<EdgePixel>> edges(static_cast<std::size_t>(request.view.height));
   raystage::parallel_for(0, request.view.height, [&](int y) {
     const std::size_t row = static_cast<std::size_t>(y) * width;
-    std::vector<float> sums(4 * width);
+    const std::span<float> rgba(&image.rgba[4 * row], 4 * width);
+    std::vector<float> behind(4 * width);
+    finish(planes.at(0), planes.at(1), 1, row, rgba);
+    finish(planes.at(2), planes.at(3), 0, row, behind);
     for (std::size_t x = 0; x < width; ++x) {
-      const float* sum = &planes.at(0)[4 * (row + x)];
-      const float alpha = planes.at(1)[4 * (row + x) + 1];
-      const float scale = sum[3] > 0 ? alpha / std::max(sum[3], 1e-30F) : 0.0F;
-      for (std::size_t c = 0; c < 4; ++c) sums[4 * x + c] = sum[c] * scale;
-    }
-    finish_samples(sums, cache.blend_space(), static_cast<float>(cache.full_scale()),
-                   {&image.rgba[4 * row], 4 * width});
-    for (std::size_t x = 0; x < width; ++x) {
-      const float alpha = image.rgba[4 * (row + x) + 3];
-      const float depth = planes.at(1)[4 * (row + x)];
+      const float* facts = &planes.at(1)[4 * (row + x)];
+      float depth = facts[0];
+      const std::span<float, 4> pixel(&rgba[4 * x], 4);
+      if (facts[2] != kUnknownDepth) {
+        constexpr float kFull = 65535;
+        CombinedSurfaces both =
+            combine_surfaces({facts[0], facts[2]}, {facts[3], facts[1] / kFull}, pixel,
+                             std::span<const float, 4>(&behind[4 * x], 4));
+        std::ranges::copy(both.rgba, pixel.begin());
+        depth = both.inverse_depth;
+        if (both.edge) {
+          both.edge->pixel = static_cast<std::uint32_t>(row + x);
+          edges[static_cast<std::size_t>(y)].push_back(*both.edge);
+        }
+      }
       const float absent =
           absent_camera_weight(plan->complete, request.instant, static_cast<int>(x), y);
-      image.coverage[row + x] = alpha * (1 - absent);
+      image.coverage[row + x] = pixel[3] * (1 - absent);
       image.z[row + x] =
-          alpha > 0 && depth > 0 ? 1 / depth : std::numeric_limits<float>::infinity();
+          pixel[3] > 0 && depth > 0 ? 1 / depth : std::numeric_limits<float>::infinity();
     }
   });
+  for (const std::vector<EdgePixel>& of_row : edges) {
+    image.edges.insert(image.edges.end(), of_row.begin(), of_row.end());
+  }
   image.notes = plan->notes;
   return image;
 }

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "render/depth/depth.h"
+#include "render/depth/surface_pairs.h"
 #include "render/sampling/field_sources.h"
 
 namespace raystage::render::depth {
@@ -11,21 +12,22 @@ namespace raystage::render::depth {
 /// The cameras that a view's pixels are blended from, and where they see them.
 class ViewSources : public FieldSources {
  public:
-  /// Keeps references to the arguments. Throws Error (bad input) if a frame cannot be read.
+  /// Keeps a reference to the request's instant. Throws Error (bad input) if a frame cannot be
+  /// read.
   ViewSources(const ViewRequest& request, const DepthViewPlan& plan);
 
-  /// Returns the inverse depths of the view's pixels from (x, y) on.
-  const float* depths_at(int x, int y) const {
-    return plan_.view_depths.values.data() + plan_.view_depths.offset(x, y);
-  }
   /// Returns the transfer from the view to the depth map of a used camera.
   const PixelTransfer& transfer(int camera) const { return transfers_[camera]; }
 
  private:
-  const DepthViewPlan& plan_;
   std::vector<PixelTransfer> transfers_;  // per camera of the rig
 };
 
+/// Pixels of a tile's row from x on, at most kMaxRunPixels, and inverse depths of points in them.
+struct PixelRun {
+  int x = 0, y = 0;
+  std::span<const float> inverse_depth;
+};
 /// Samples, weights and visibility of one camera for a run of a tile's pixels. Arrays of
 /// kMaxRunPixels; `samples` has four times as many.
 struct CameraRun {
@@ -33,9 +35,19 @@ struct CameraRun {
   float* weights = nullptr;
   float* visible = nullptr;
 };
-/// Fills `run` for the pixels of row y of a tile.
+/// Fills `run` for pixels of a tile.
 void sample_camera(const ViewSources& sources, const DepthViewPlan& plan,
-                   const BlendingField::Tile& tile, const BlendingField::TileCamera& camera, int y,
-                   const CameraRun& run);
+                   const BlendingField::Tile& tile, const BlendingField::TileCamera& camera,
+                   const PixelRun& pixels, const CameraRun& run);
+/// How far a camera's frame shows each point of a run, times 65535: every `step`th value.
+struct SeenByFrame {
+  const float* values = nullptr;
+  std::size_t step = 1;
+};
+/// Reduces the visibility of a camera at the front surfaces of pairs to the part whose own depths
+/// are there (compute_surface_share()). Adds the camera to `shares`, of each pixel of the run.
+void weigh_front_surfaces(const ViewSources& sources, const DepthViewPlan& plan, int camera,
+                          const PixelRun& pixels, const SurfaceRun& surfaces, const CameraRun& run,
+                          const SeenByFrame& seen, std::span<FrontShare> shares);
 
 }  // namespace raystage::render::depth

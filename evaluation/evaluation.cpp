@@ -111,14 +111,19 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
   return mean;
 }
 
-/// Returns the errors in the regions of the true depths; nullopt if these are unknown.
-std::optional<RegionErrors> errors_by_region(const ComparedView& view, const GroundTruth& truth,
-                                             const schemas::Intrinsics& lens,
-                                             double camera_spacing) {
+/// The true depths of a view, and the regions that they divide it into.
+struct KnownRegions {
+  TrueDepths depths;
+  TruthRegions regions;
+};
+
+/// Returns nullopt if the true depths are unknown.
+std::optional<KnownRegions> known_regions(const GroundTruth& truth, const schemas::Intrinsics& lens,
+                                          double camera_spacing) {
   if (truth.z.empty()) return std::nullopt;
   const TrueDepths depths{truth.image.width, truth.image.height, truth.z,
                           std::max(lens.fx, lens.fy) * camera_spacing};
-  return region_errors(view, depths, truth_regions(depths));
+  return KnownRegions{depths, truth_regions(depths)};
 }
 
 /// Returns the largest distance between neighbours of the cameras that contribute.
@@ -357,9 +362,14 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     const std::vector<std::uint8_t> covered = measured_pixels(view, *truth);
     result.quality = render::compare_images(image, truth->image, covered);
     result.quality.covered /= known_share(*truth);
-    result.regions = errors_by_region({image, truth->image, covered, view.z}, *truth,
-                                      subject.camera.intrinsics, camera_spacing);
-    shot_errors.add(subject.id, image, truth->image, covered);
+    const auto known = known_regions(*truth, subject.camera.intrinsics, camera_spacing);
+    if (known) {
+      result.regions = region_errors({image, truth->image, covered, view.z, view.edges},
+                                     known->depths, known->regions, truth->surfaces);
+    }
+    shot_errors.add(subject.id, image, truth->image, covered,
+                    known ? std::span<const std::uint8_t>(known->regions.edge_band)
+                          : std::span<const std::uint8_t>());
     if (settings.on_view) {
       settings.on_view(
           {evaluation.views.size(), subjects.size(), subject.id, image, truth->image, covered});

@@ -66,17 +66,27 @@ store::RgbImage codes_of(const store::Take& take, const rig::Rig::Camera& of, in
   return image;
 }
 
-/// Reads the true depths of a view's pixels.
-std::vector<float> depths_of(const std::filesystem::path& file, const store::RgbImage& image) {
-  constexpr images::ExrChannel kChannels[]{{"Z"}};
-  images::ExrChannelData data =
+/// Reads the true depths and surfaces of a view's pixels.
+void read_depths(const std::filesystem::path& file, GroundTruth& truth) {
+  constexpr float kAbsent = -1;
+  constexpr images::ExrChannel kChannels[]{
+      {"Z"}, {"front.A", kAbsent}, {"front.Z", kAbsent}, {"behind.Z", kAbsent}};
+  const store::RgbImage& image = truth.image;
+  const images::ExrChannelData data =
       images::read_exr_channels(file, kChannels, "Give the planar depths as channel Z");
   if (data.width != image.width || data.height != image.height) {
     throw Error::bad_input(fmt::format("found {}x{} depths, allowed: {}x{} as the truth image",
                                        data.width, data.height, image.width, image.height),
                            file.string(), "Give the depths of the view");
   }
-  return std::move(data.values);
+  const std::size_t pixels = data.values.size() / std::size(kChannels);
+  for (std::size_t i = 0; i < pixels; ++i) {
+    const float* values = &data.values[std::size(kChannels) * i];
+    truth.z.push_back(values[0]);
+    if (values[1] == kAbsent || values[2] == kAbsent || values[3] == kAbsent) continue;
+    truth.surfaces.push_back({values[1], values[2], values[3]});
+  }
+  if (truth.surfaces.size() != pixels) truth.surfaces = {};
 }
 
 void add_camera(int camera, const store::Take& take, const store::Timeline* timeline, bool exact,
@@ -132,7 +142,7 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                          depth_file = view.depth_file.empty() ? std::filesystem::path()
                                                               : views_folder / view.depth_file] {
                           GroundTruth truth{reader->read_rgb(file), {}};
-                          if (!depth_file.empty()) truth.z = depths_of(depth_file, truth.image);
+                          if (!depth_file.empty()) read_depths(depth_file, truth);
                           return truth;
                         }});
   }

@@ -21,7 +21,9 @@ nlohmann::ordered_json as_json(const RegionErrors& errors) {
           {"thin", as_json(errors.thin)},
           {"bad_depths_half_px", json_number(errors.bad_depths_half_px)},
           {"bad_depths_1_px", json_number(errors.bad_depths_1_px)},
-          {"plane_rms_px", json_number(errors.plane_rms_px)}};
+          {"plane_rms_px", json_number(errors.plane_rms_px)},
+          {"edge_alpha", json_number(errors.edge_alpha)},
+          {"edge_alpha_gradient", json_number(errors.edge_alpha_gradient)}};
 }
 
 nlohmann::ordered_json as_json(const ViewEvaluation& view) {
@@ -59,10 +61,12 @@ std::string evaluation_as_json(const Evaluation& evaluation) {
       {"psnr_max_step_db", evaluation.temporal_stability.max_step_db}};
   document["shots"] = nlohmann::ordered_json::array();
   for (const ShotStability& shot : evaluation.shots) {
-    document["shots"].push_back({{"id", shot.id},
-                                 {"views", shot.views},
-                                 {"error_variance", json_number(shot.error_variance)},
-                                 {"mean_square_error", json_number(shot.mean_square_error)}});
+    document["shots"].push_back(
+        {{"id", shot.id},
+         {"views", shot.views},
+         {"error_variance", json_number(shot.error_variance)},
+         {"edge_band_error_variance", json_number(shot.edge_band_error_variance)},
+         {"mean_square_error", json_number(shot.mean_square_error)}});
   }
   document["views"] = nlohmann::ordered_json::array();
   for (const ViewEvaluation& view : evaluation.views) document["views"].push_back(as_json(view));
@@ -96,6 +100,11 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
         regions->edge_band.psnr_db, regions->edge_band.ms_ssim, regions->thin.psnr_db,
         regions->thin.ms_ssim, 100 * regions->bad_depths_half_px, 100 * regions->bad_depths_1_px,
         regions->plane_rms_px);
+    if (std::isfinite(regions->edge_alpha)) {
+      text += fmt::format(
+          "alpha of pixels with two surfaces: mean error {:.3f}, of its gradient {:.3f}\n",
+          regions->edge_alpha, regions->edge_alpha_gradient);
+    }
   }
   if (evaluation.views.size() > 1) {
     text += fmt::format(
@@ -107,6 +116,10 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
         "shot {} ({} views): temporal variance of the error {:.2f}, mean square error {:.2f} "
         "(squared 8-bit codes)\n",
         shot.id, shot.views, shot.error_variance, shot.mean_square_error);
+    if (std::isfinite(shot.edge_band_error_variance)) {
+      text += fmt::format("shot {}: temporal variance of the error at edges of depth {:.2f}\n",
+                          shot.id, shot.edge_band_error_variance);
+    }
   }
   for (const std::string& note : evaluation.notes) text += "note: " + note + "\n";
   return text;

@@ -92,6 +92,38 @@ TEST(TruthRegions, UnknownDepthsBelongToNone) {
   EXPECT_EQ(region_errors({image, image, covered, found}, truth, regions).bad_depths_half_px, 0);
 }
 
+// A surface at 2 m covers 30 % of the pixels of column 40 and all to their right; behind it is a
+// wall at 10 m.
+TEST(RegionErrors, AlphaIsThatOfPixelsWithTwoSurfaces) {
+  const std::vector<float> z = step();
+  std::vector<TrueSurfaces> surfaces(z.size(), {1, 10, 10});
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 40; x < kWidth; ++x) surfaces[at(x, y)] = {1, 2, 2};
+    surfaces[at(40, y)] = {0.3F, 2, 10};
+  }
+  const TrueDepths depths{kWidth, kHeight, z, kScale};
+  const TruthRegions regions = truth_regions(depths);
+  const store::RgbImage image{kWidth, kHeight, std::vector<std::uint8_t>(3 * z.size(), 100)};
+  const std::vector<std::uint8_t> covered(z.size(), 1);
+  const auto errors = [&](const std::vector<render::EdgePixel>& edges) {
+    return region_errors({image, image, covered, z, edges}, depths, regions, surfaces);
+  };
+  // Hard: the pixel is the surface's.
+  EXPECT_NEAR(errors({}).edge_alpha, 0.7, 1e-6);
+  EXPECT_NEAR(errors({}).edge_alpha_gradient, 0, 1e-6) << "its neighbours are right";
+  std::vector<render::EdgePixel> edges;
+  for (int y = 0; y < kHeight; ++y) {
+    edges.push_back({static_cast<std::uint32_t>(at(40, y)), {0, 0, 0, 0.4F}, {0, 0, 0, 1}, 2, 10});
+  }
+  EXPECT_NEAR(errors(edges).edge_alpha, 0.1, 1e-6);
+  for (render::EdgePixel& edge : edges) --edge.pixel;  // one column too far to the left
+  EXPECT_NEAR(errors(edges).edge_alpha, 0.7, 1e-6);
+  EXPECT_NEAR(errors(edges).edge_alpha_gradient, 0.2, 1e-6);
+  const RegionErrors unknown = region_errors({image, image, covered, z, {}}, depths, regions);
+  EXPECT_TRUE(std::isnan(unknown.edge_alpha));
+  EXPECT_TRUE(std::isnan(unknown.edge_alpha_gradient));
+}
+
 TEST(RegionErrors, AreThoseOfTheirPixels) {
   const std::vector<float> z = step();
   const TrueDepths truth{kWidth, kHeight, z, kScale};

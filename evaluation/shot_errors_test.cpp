@@ -55,6 +55,21 @@ TEST(ShotErrors, IsTheVarianceOverTheViewsOfOneShot) {
   EXPECT_EQ(shots[1].error_variance, 0);
 }
 
+TEST(ShotErrors, AtEdgesIsOverTheViewsWithAnEdgeThere) {
+  ShotErrors errors;
+  const std::vector<std::uint8_t> all(3, 1);
+  const std::vector<std::vector<std::uint8_t>> bands{{1, 1, 0}, {1, 0, 0}, {0, 1, 0}};
+  for (std::size_t view = 0; view < bands.size(); ++view) {
+    const auto code = static_cast<std::uint8_t>(100 + 10 * view);
+    errors.add("a_" + std::to_string(view), grey(3, 1, code), grey(3, 1, 100), all, bands[view]);
+  }
+  // Errors 0 and 10 at the first pixel, 0 and 20 at the second one.
+  EXPECT_EQ(errors.temporal_stability()[0].edge_band_error_variance, (25 + 100) / 2.0);
+  ShotErrors unknown;
+  for (const char* id : {"a_0", "a_1"}) unknown.add(id, grey(3, 1, 1), grey(3, 1, 2), all);
+  EXPECT_TRUE(std::isnan(unknown.temporal_stability()[0].edge_band_error_variance));
+}
+
 TEST(ShotErrors, CountsWhatAllViewsCover) {
   ShotErrors errors;
   store::RgbImage wrong = grey(3, 2, 100);

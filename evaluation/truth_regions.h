@@ -17,6 +17,12 @@ struct TrueDepths {
   double disparity_scale = 0;
 };
 
+/// Two surfaces that a pixel shows in truth: the one in front covers a share of it.
+struct TrueSurfaces {
+  float front_share = 1;            ///< 1: there is one surface; 0: unknown, as of mirrors
+  float front_z = 0, behind_z = 0;  ///< planar, metres; infinite: nothing
+};
+
 /// Regions of a view where reconstructions differ most: 1 per pixel that is inside.
 struct TruthRegions {
   /// Within 8 pixels of an edge of depth: of two adjacent pixels whose disparities differ by more

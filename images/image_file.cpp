@@ -45,20 +45,26 @@ void write_image(const store::RgbImage& image, const std::filesystem::path& file
                 file);
 }
 
-void write_depth_image(int width, int height, std::span<const float> z,
-                       const std::filesystem::path& file) {
-  assert(z.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+void write_channels(int width, int height, const std::vector<std::string>& channels,
+                    std::span<const float> values, const std::filesystem::path& file) {
+  assert(values.size() ==
+         static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * channels.size());
   const auto output = OIIO::ImageOutput::create("openexr");
   if (!output) {
     throw Error::failed("OpenImageIO cannot write EXR files", file.string(),
                         "Install OpenImageIO with OpenEXR");
   }
-  OIIO::ImageSpec spec(width, height, 1, OIIO::TypeDesc::FLOAT);
-  spec.channelnames = {"Z"};
+  OIIO::ImageSpec spec(width, height, static_cast<int>(channels.size()), OIIO::TypeDesc::FLOAT);
+  spec.channelnames = channels;
   spec.attribute("compression", "zip");
-  // Otherwise OpenImageIO states the current time, and equal depths would be different files.
+  // Otherwise OpenImageIO states the current time, and equal values would be different files.
   spec.attribute("DateTime", "1970:01:01 00:00:00");
-  write_encoded(*output, spec, z.data(), file);
+  write_encoded(*output, spec, values.data(), file);
+}
+
+void write_depth_image(int width, int height, std::span<const float> z,
+                       const std::filesystem::path& file) {
+  write_channels(width, height, {"Z"}, z, file);
 }
 
 }  // namespace raystage::images

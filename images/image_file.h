@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <span>
+#include <string>
+#include <vector>
 
 #include "store/jpeg/rgb_image.h"
 
@@ -12,6 +14,10 @@ namespace raystage::images {
 /// Error (bad input) for an unsupported format, Error (failed) if the file cannot be written.
 void write_image(const store::RgbImage& image, const std::filesystem::path& file);
 
+/// Writes values of 32 bits as an EXR file. `values`: interleaved, row by row, width x height x
+/// channels. Throws Error (failed) as write_image().
+void write_channels(int width, int height, const std::vector<std::string>& channels,
+                    std::span<const float> values, const std::filesystem::path& file);
 /// Writes planar depths as an EXR file with the channel Z (metres, 32 bits). `z`: row by row,
 /// width x height. Throws Error (failed) as write_image().
 void write_depth_image(int width, int height, std::span<const float> z,

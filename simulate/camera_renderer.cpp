@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "base/transfer_function.h"
@@ -30,6 +31,32 @@ bool differ(const LightSample& a, const LightSample& b) {
   if (a.normal.dot(b.normal) < 0.7F) return true;
   const float nearer = std::min(a.distance, b.distance), farther = std::max(a.distance, b.distance);
   return farther - nearer > 0.02F * nearer;
+}
+
+/// Returns the two groups of a pixel's samples.
+PixelSurfaces surfaces_of(std::span<const LightSample> samples) {
+  std::vector<float> inverse;
+  for (const LightSample& sample : samples) {
+    if (sample.reflected_part >= 0) return {0, 0, 0};
+    inverse.push_back(std::isinf(sample.distance) ? 0 : 1 / sample.distance);
+  }
+  std::ranges::sort(inverse, std::greater());
+  std::size_t in_front = inverse.size();
+  float largest = 0;
+  for (std::size_t i = 1; i < inverse.size(); ++i) {
+    if (inverse[i - 1] - inverse[i] <= largest) continue;
+    largest = inverse[i - 1] - inverse[i];
+    in_front = i;
+  }
+  const auto distance = [](std::span<const float> group) {
+    float sum = 0;
+    for (const float one : group) sum += one;
+    return static_cast<float>(group.size()) / sum;  // infinite for nothing
+  };
+  const std::span<const float> all(inverse);
+  const float front = distance(all.first(in_front));
+  return {static_cast<float>(in_front) / static_cast<float>(inverse.size()), front,
+          in_front < inverse.size() ? distance(all.subspan(in_front)) : front};
 }
 
 }  // namespace
@@ -192,6 +219,10 @@ void CameraRenderer::supersample(const World& world, const PixelRays& rays,
     samples_.resize(batch_.size());
     radiance_.sample(world, batch_, footprint, static_, samples_);
     for (std::size_t p = 0; p < group.size(); ++p) {
+      if (!image.surfaces.empty()) {
+        image.surfaces[group[p].index] =
+            surfaces_of(std::span(samples_).subspan(p * per_pixel, per_pixel));
+      }
       if (!spheres_.empty()) {
         image.sphere_share[group[p].index] = add_spheres(p * per_pixel, per_pixel);
       }
@@ -308,6 +339,7 @@ void CameraRenderer::render_supersampled(const World& world, const PixelRays& ra
   render_centres(world, rays, once, image);
   spheres_ = spheres;
   image.sphere_share.assign(spheres.empty() ? 0 : image.light.size(), 0.0F);
+  image.surfaces.assign(image.light.size(), {});
   pixels_.clear();
   for (std::size_t index = 0; index < image.light.size(); ++index) {
     const int column = static_cast<int>(index % static_cast<std::size_t>(image.width));

@@ -55,6 +55,13 @@ struct UnlitSphere {
   float distance(const Ray& ray) const;
 };
 
+/// The surfaces that the samples of a pixel see, in two groups: those in front of the largest gap
+/// of their inverse distances, and those behind it.
+struct PixelSurfaces {
+  float front_share = 1;  ///< of the samples; 0: unknown, as a mirror shows other distances
+  float front_distance = 0, behind_distance = 0;  ///< along the rays, metres; means of the inverse
+};
+
 /// An image in linear light (full scale 1), and the sample at each pixel centre; row by row.
 struct LinearImage {
   int width = 0, height = 0;
@@ -62,6 +69,8 @@ struct LinearImage {
   std::vector<LightSample> centre;
   /// Share of each pixel's samples that shows a sphere; empty: there is none.
   std::vector<float> sphere_share = {};
+  /// Of each pixel, without spheres; empty unless all pixels are supersampled.
+  std::vector<PixelSurfaces> surfaces = {};
 };
 
 /// Keeps a camera's samples of static parts between frames. Saves time and changes no image.
@@ -91,7 +100,7 @@ class CameraRenderer {
   void render(const World& world, const PixelRays& rays, int edge_samples, StaticSampleCache& cache,
               LinearImage& image);
   /// Takes `samples` (a square number) samples in every pixel. `spheres`: added to the world,
-  /// except to `LinearImage::centre`.
+  /// except to `LinearImage::centre` and `surfaces`.
   void render_supersampled(const World& world, const PixelRays& rays, int samples,
                            LinearImage& image, std::span<const UnlitSphere> spheres = {});
 

@@ -206,18 +206,24 @@ class Simulation {
     archive.close();
   }
 
-  /// Returns the planar depths of what the pixel centres see; infinite where that is nothing, and 0
-  /// for a mirror, which shows things at other depths than its own.
+  /// Returns four values for each pixel: the planar depth of what its centre sees, infinite where
+  /// that is nothing, and 0 for a mirror, which shows things at other depths than its own; then the
+  /// share of its surface in front, and the planar depths of that and of what is behind it.
   static std::vector<float> planar_depths(const LinearImage& image, const PixelRays& rays) {
-    std::vector<float> depths(image.centre.size());
-    for (std::size_t i = 0; i < depths.size(); ++i) {
+    std::vector<float> values;
+    values.reserve(4 * image.centre.size());
+    for (std::size_t i = 0; i < image.centre.size(); ++i) {
       const auto width = static_cast<std::size_t>(image.width);
+      const float forward =
+          rays.forward_share(static_cast<int>(i % width), static_cast<int>(i / width));
       const LightSample& seen = image.centre[i];
-      if (seen.reflected_part >= 0) continue;
-      depths[i] = seen.distance *
-                  rays.forward_share(static_cast<int>(i % width), static_cast<int>(i / width));
+      const PixelSurfaces& surfaces = image.surfaces[i];
+      values.push_back(seen.reflected_part >= 0 ? 0 : seen.distance * forward);
+      values.push_back(surfaces.front_share);
+      values.push_back(surfaces.front_distance * forward);
+      values.push_back(surfaces.behind_distance * forward);
     }
-    return depths;
+    return values;
   }
 
   /// Replaces the light of the worker's image by its mean over an exposure.
@@ -254,8 +260,9 @@ class Simulation {
       worker.world.set_time(seconds_of(view.time_ns));
       worker.renderer.render_supersampled(worker.world, rays, options_.truth_samples, worker.image,
                                           spheres_);
-      images::write_depth_image(worker.image.width, worker.image.height,
-                                planar_depths(worker.image, rays), folder / view.depth_file);
+      images::write_channels(worker.image.width, worker.image.height,
+                             {"Z", "front.A", "front.Z", "behind.Z"},
+                             planar_depths(worker.image, rays), folder / view.depth_file);
       if (path_.exposures[index].size() > 1) expose(path_.exposures[index], worker, loop);
       images::write_image(develop(worker.image), folder / view.file);
       if (!spheres_.empty()) {

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "compose/layers/light_field_layer.h"
+#include "store/exact_frames.h"
 
 namespace raystage::compose {
 namespace {

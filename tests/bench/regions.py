@@ -37,7 +37,8 @@ def row(scene, method, mean):
     edges, thin = regions["edge_band"], regions["thin"]
     return (f"| {scene} | {method} | {mean['psnr_db']:.2f} | {edges['psnr_db']:.2f} | {edges['ms_ssim']:.4f} | "
             f"{thin['psnr_db']:.2f} | {thin['ms_ssim']:.4f} | {100 * regions['bad_depths_half_px']:.2f} | "
-            f"{100 * regions['bad_depths_1_px']:.2f} | {regions['plane_rms_px']:.3f} |")
+            f"{100 * regions['bad_depths_1_px']:.2f} | {regions['plane_rms_px']:.3f} | "
+            f"{regions['edge_alpha']:.3f} | {regions['edge_alpha_gradient']:.3f} |")
 
 
 def main():
@@ -47,8 +48,8 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, help="keep the rendered views here, FOLDER/SCENE/METHOD/VIEW.png")
     options = parser.parse_args()
     print("| scene | method | PSNR, dB | edges, dB | edges, MS-SSIM | thin, dB | thin, MS-SSIM | "
-          "bad depths 0.5 px, % | 1 px, % | planes, px RMS |")
-    print("| --- | --- |" + " --: |" * 8)
+          "bad depths 0.5 px, % | 1 px, % | planes, px RMS | alpha error | of its gradient |")
+    print("| --- | --- |" + " --: |" * 10)
     for scene in options.scenes:
         with tempfile.TemporaryDirectory() as folder:
             take = pathlib.Path(folder) / "take"

@@ -72,7 +72,8 @@ TEST_F(PlanCommand, CheckWritesReportAndNearestPath) {
 
 TEST_F(PlanCommand, CheckComparesWithAMotionRigAndABench) {
   EXPECT_THAT(check().output, HasSubstr("Accuracy and time are not measured"));
-  EXPECT_THAT(check("--milo").output, HasSubstr("The motion control rig could follow it."));
+  EXPECT_THAT(check("--milo").output,
+              HasSubstr("A motion control rig with the given limits could follow it."));
   const testing::CommandResult slow = check("--milo --rig-track-speed 0.1 --rig-reach 0.5");
   EXPECT_EQ(slow.exit_code, 0);
   EXPECT_THAT(slow.output, HasSubstr("m/s at frame 10"));

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,7 +31,7 @@ struct CoverageCommand {
   std::vector<double> shares_percent{100, 99, 90};
   double interaxial_mm = 0, tolerance_mm = 1;
   std::array<double, 3> subject{NAN, NAN, NAN};
-  double subject_size = 0.5;
+  std::optional<double> subject_size;  // metres
   int threads = 0;
   bool json = false, transparent_arrays = false;
   ProgressStyle progress = ProgressStyle::kAuto;
@@ -46,13 +47,20 @@ ExitCode run_coverage(const CoverageCommand& command, const std::stop_token& sto
   options.tolerance_m = command.tolerance_mm / kMillimetres;
   const auto [x, y, depth] = command.subject;
   if (!std::isnan(depth)) {
-    options.subject = planning::CoverageSubject{x, y, depth, command.subject_size};
+    constexpr double kUsualSize = 0.5;  // metres
+    options.subject =
+        planning::CoverageSubject{x, y, depth, command.subject_size.value_or(kUsualSize)};
+  }
+  if (!options.subject && command.subject_size) {
+    throw Error::bad_input("there is no subject", "--subject-size", "Give --subject, too");
   }
   options.arrays_hide_each_other = !command.transparent_arrays;
   planning::NamedRig all;
   std::vector<planning::NamedRig> arrays;
   for (const std::filesystem::path& path : command.rigs) {
     planning::NamedRig named = read_named_rig(path);
+    // Takes of one array have rigs of one name.
+    if (command.rigs.size() > 1) named.name += " (" + path.string() + ")";
     all.name += (all.name.empty() ? "" : ", ") + named.name;
     all.rig.cameras.insert(all.rig.cameras.end(), named.rig.cameras.begin(),
                            named.rig.cameras.end());

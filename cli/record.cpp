@@ -160,19 +160,16 @@ std::optional<schemas::RigDocument> known_rig(const Options& options,
   return std::nullopt;
 }
 
-/// Opens the cameras below the ceiling of memory, if there is one: what a camera sends may make a
-/// library take any amount. Too low ceilings are refused later, when what cameras need is known.
-std::vector<ingest::RecorderCamera> open_below_ceiling(
-    const schemas::RecordConfig& config, std::optional<std::size_t> ceiling,
-    const ingest::OpenFrameSource& open, const std::optional<schemas::RigDocument>& rig) {
+/// Holds a ceiling of memory, if there is one, until the recorder does: what a camera sends may
+/// make a library take any amount. Ceilings that are too low are refused later, when what cameras
+/// need is known.
+void hold_ceiling(const schemas::RecordConfig& config, std::optional<std::size_t> ceiling,
+                  ingest::MemoryBudget& no_frames, std::optional<ingest::MemoryCeiling>& limited) {
   constexpr std::size_t kLeast = 256'000'000;
-  ingest::MemoryBudget no_frames(0);
-  std::optional<ingest::MemoryCeiling> limited;
   const bool all_survive = std::ranges::none_of(config.cameras, [](const auto& camera) {
     return std::holds_alternative<schemas::RecordConfig::AravisSource>(camera.source);
   });
   if (ceiling) limited.emplace(std::max(*ceiling, kLeast), no_frames, all_survive);
-  return ingest::open_cameras(config, open, rig ? &*rig : nullptr);
 }
 
 /// An alarm, whatever the options say of progress.
@@ -280,8 +277,13 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
           const schemas::RecordConfig::Camera& camera) {
         return ingest::open_frame_source(camera, folder, permissions);
       };
-  auto cameras = open_below_ceiling(config, settings.memory_ceiling, open_source, rig);
+  ingest::MemoryBudget no_frames(0);
+  std::optional<ingest::MemoryCeiling> ceiling_before_recording;
+  hold_ceiling(config, settings.memory_ceiling, no_frames, ceiling_before_recording);
+  auto cameras = ingest::open_cameras(config, open_source, rig ? &*rig : nullptr);
   report_absent(cameras);
+    // Measuring starts a thread for each camera at once, for which the limit may leave no stacks.
+  if (config.hold) ceiling_before_recording.reset();
   constexpr double kMeasure = 2;  // seconds
   const auto absent = std::ranges::count_if(
       cameras, [](const ingest::RecorderCamera& camera) { return !camera.absence.empty(); });
@@ -310,6 +312,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (config.hold) say_how_long_memory_lasts(recorder.memory_for_frames(), rate, absent);
   StatusPrinter printer(options.status);
   Progress writing(config.hold && options.status == "auto");
+  ceiling_before_recording.reset();
   const schemas::RecordingDocument::Session session = recorder.run(
       stop,
       [&](const ingest::RecorderStatus& status) {

@@ -271,7 +271,8 @@ CompositedView FrameCompositor::merged_view(const PlannedFrame& frame, const Exr
   times.geometry_ms = total.ms();  // includes BVHs, which the first frame builds
   double geometry_layers_ms = 0;
   const bool in_layer_order = plan_.shot().merge == schemas::ShotDocument::Merge::kLayerOrder;
-  const bool separates = deep != nullptr || (!in_layer_order && plan_.layers() > 1);
+  // Not by `deep`: the pixels of flat files must not depend on it.
+  const bool separates = !in_layer_order || plan_.layers() == 1;
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
     const std::size_t of_picture = plan_.volume_layer_count(i);
     const bool is_volume = !plan_.shot().layers[i].volume.empty();

@@ -86,13 +86,27 @@ std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> f
   return most;
 }
 
+/// Returns whether a layer may have a second image, of what is behind its surfaces at edges of
+/// depth (LayerSurfaces).
+bool may_have_two_images(const ShotPlan& plan, std::size_t layer) {
+  const LightFieldLayer* light_field = plan.light_field(layer);
+  const bool is_by_depth = plan.shot().merge == schemas::ShotDocument::Merge::kDepth;
+  return light_field != nullptr && light_field->method().tells_surfaces_apart() &&
+         plan.shot().layers[layer].volume.empty() && (is_by_depth || plan.layers() == 1);
+}
+
+std::size_t image_count(const ShotPlan& plan) {
+  std::size_t count = plan.layers();
+  for (std::size_t i = 0; i < plan.layers(); ++i) count += may_have_two_images(plan, i) ? 1 : 0;
+  return count;
+}
+
 std::size_t aov_bytes_per_pixel(const ShotPlan& plan) {
   std::size_t bytes = 0, most = 0;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.layer(i) == nullptr) continue;
     const std::size_t of_layer = plan.layer(i)->aov_bytes_per_pixel();
-    const bool has_two_images = plan.light_field(i) != nullptr && plan.layers() > 1;
-    bytes += (has_two_images ? 2 : 1) * of_layer;
+    bytes += (may_have_two_images(plan, i) ? 2 : 1) * of_layer;
     most = std::max(most, of_layer);
   }
   bytes += kMergedAovFactor * most;
@@ -106,14 +120,12 @@ std::size_t aov_bytes_per_pixel(const ShotPlan& plan) {
 /// Returns the memory of a frame without shared data, bytes: its views, for stereo of both eyes.
 std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                         const MemoryRequest& request) {
-  // Light fields have a second image at edges of depth, where layers are merged by depth.
-  const std::size_t images = plan.layers() + plan.light_fields().size();
+  const std::size_t images = image_count(plan);
   const std::size_t per_pixel =
       kExtraBytesPerPixel + (request.deep ? kDeepBytesPerPixel + images * kDeepBytesPerSample : 0) +
       (plan.measures_coverage() ? kMeasuresBytesPerPixel : 0) +
       (plan.writes_aov("lf.confidence") ? kConfidenceBytesPerPixel : 0) +
-      (plan.layers() > 1 || request.deep ? images * kLayerBytesPerPixel : 0) +
-      aov_bytes_per_pixel(plan) +
+      (images > 1 ? images * kLayerBytesPerPixel : 0) + aov_bytes_per_pixel(plan) +
       (plan.writes_aov("motion") ? (images + kMergedAovFactor) * kMotionBytesPerPixel : 0);
   std::size_t of_layers = 0;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
@@ -207,7 +219,7 @@ std::size_t uncompressed_file_bytes(const ShotPlan& plan, bool deep) {
   add(has_geometry, "N", 3 * kHalf);
   add(has_geometry, "albedo", 3 * kHalf);
   if (plan.shot().output.cryptomatte) per_pixel += 2 * kIdRanks * kFloat;
-  if (deep) per_pixel += layers.size() * (4 * kHalf + kFloat);
+  if (deep) per_pixel += image_count(plan) * (4 * kHalf + kFloat);
   return plan.eyes().size() * pixels_of(plan.shot()) * per_pixel;
 }
 

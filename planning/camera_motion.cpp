@@ -15,8 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Less is no motion but the rounding of positions: m, m/s, m/s^2 and radians/s.
-constexpr double kMotionRounding = 1e-6;
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 void raise(PathExtreme& extreme, double value, int frame) {
@@ -90,7 +88,7 @@ CameraMotion measure_motion(std::span<const FramePose> poses, double fps) {
 
 std::vector<std::string> exceeded_limits(const CameraMotion& motion, const MotionLimits& limits) {
   std::vector<std::string> sentences;
-  if (motion.reach > limits.reach + kMotionRounding) {
+  if (motion.reach > limits.reach + kLeastMotion) {
     sentences.push_back(
         fmt::format("The path is up to {:.3g} m wide across the track; the arm "
                     "reaches {:.3g} m.",
@@ -98,7 +96,7 @@ std::vector<std::string> exceeded_limits(const CameraMotion& motion, const Motio
   }
   const auto compare = [&](std::string_view what, const PathExtreme& extreme, double limit,
                            double scale, std::string_view unit) {
-    if (!(extreme.value > limit + kMotionRounding)) return;
+    if (!(extreme.value > limit + kLeastMotion)) return;
     sentences.push_back(fmt::format("{} is up to {:.3g} {} at frame {}; the rig does {:.3g} {}.",
                                     what, extreme.value * scale, unit, extreme.frame, limit * scale,
                                     unit));

@@ -52,6 +52,9 @@ struct CameraMotion {
 /// compared. `poses`: by frame, at least one; `fps`: above 0.
 CameraMotion measure_motion(std::span<const FramePose> poses, double fps);
 
+/// Less is no motion but the rounding of positions: m, m/s, m/s^2 and radians/s.
+inline constexpr double kLeastMotion = 1e-6;
+
 /// Returns a sentence for each limit that a path exceeds; empty if a rig can follow it.
 std::vector<std::string> exceeded_limits(const CameraMotion& motion, const MotionLimits& limits);
 

@@ -289,7 +289,20 @@ void check_options(const std::string& name, const CoverageOptions& options) {
   }
 }
 
-bool are_alike(const rig::Rig& a, const rig::Rig& b) {
+/// The same cameras twice are still one array.
+void check_arrays_differ(std::span<const NamedRig> arrays) {
+  for (std::size_t i = 0; i < arrays.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (!have_same_cameras(arrays[i].rig, arrays[j].rig)) continue;
+      throw Error::bad_input("its cameras are at the same places as those of " + arrays[j].name,
+                             arrays[i].name, "Give each array once");
+    }
+  }
+}
+
+}  // namespace
+
+bool have_same_cameras(const rig::Rig& a, const rig::Rig& b) {
   constexpr double kSamePlace = 1e-9;
   return std::ranges::equal(a.cameras, b.cameras,
                             [&](const rig::Rig::Camera& one, const rig::Rig::Camera& other) {
@@ -299,19 +312,6 @@ bool are_alike(const rig::Rig& a, const rig::Rig& b) {
                                          other.pose.world_from_camera_rotation, kSamePlace);
                             });
 }
-
-/// The same cameras twice are still one array.
-void check_arrays_differ(std::span<const NamedRig> arrays) {
-  for (std::size_t i = 0; i < arrays.size(); ++i) {
-    for (std::size_t j = 0; j < i; ++j) {
-      if (!are_alike(arrays[i].rig, arrays[j].rig)) continue;
-      throw Error::bad_input("its cameras are at the same places as those of " + arrays[j].name,
-                             arrays[i].name, "Give each array once");
-    }
-  }
-}
-
-}  // namespace
 
 std::vector<NamedRig> split_by_direction(const NamedRig& named) {
   constexpr double kOneArray = 80 * kRadiansPerDegree, kOneSide = 40 * kRadiansPerDegree;

@@ -16,6 +16,9 @@ namespace raystage::planning {
 /// cameras are all turned by less than 80 degrees from their mean direction is one array.
 std::vector<NamedRig> split_by_direction(const NamedRig& rig);
 
+/// Returns whether two rigs have cameras at the same places with the same directions: one array.
+bool have_same_cameras(const rig::Rig& a, const rig::Rig& b);
+
 /// Computes the positions from which the arrays together recorded the views (thesis 6.2): each ray
 /// counts if an array recorded it that is not hidden by another one. The frame of the plan is in
 /// the middle of all cameras, with the axes of the first array. Views that turn are tried at steps

@@ -55,8 +55,8 @@ struct CoverageVolume {
   bool is_of_subject = false;
   bool is_exact = false;        ///< a polyhedron in closed form (thesis 5.2)
   bool is_lower_bound = false;  ///< that of an ideal array whose rays the cameras recorded
-                                /// Metres behind the array (+z) beyond which nothing was looked
-                                /// for, although the range goes on:
+
+  /// Metres behind the array (+z) beyond which nothing was looked for, although the range goes on:
   /// that of a subject may have no end there.
   std::optional<double> cut_off_m = {};
   bool is_in_parts = false;   ///< there are positions apart from the surface, which has one part

@@ -333,7 +333,7 @@ TEST(PlanCoverage, OfASmallSubjectGoesOnBehindTheArray) {
   Eigen::AlignedBox3d box;
   for (const Vector3d& vertex : volume.surface.vertices) box.extend(vertex);
   EXPECT_NEAR(box.max().z(), *volume.cut_off_m, 1e-9);
-  EXPECT_THAT(format_coverage_plan(plan), HasSubstr("behind the array, where it goes on, exact"));
+  EXPECT_THAT(format_coverage_plan(plan), HasSubstr("m behind the array, where it goes on, exact"));
   EXPECT_THAT(coverage_plan_as_json(plan), HasSubstr("\"cut_off_m\": 0."));
   options.subject->size_m = 1;
   const CoveragePlan large = plan_coverage("rig", grid_rig(4, 4), options);

@@ -51,7 +51,7 @@ std::string size_text(const CoverageVolume& volume) {
                   volume.surface.volume(),
                   volume.is_in_parts ? " (one part: there are positions apart from it)" : "");
   if (volume.cut_off_m) {
-    text += fmt::format(" up to {:.3f} m behind the array, where it goes on", *volume.cut_off_m);
+    text += fmt::format(", cut off {:.3f} m behind the array, where it goes on", *volume.cut_off_m);
   }
   return text;
 }
@@ -86,7 +86,7 @@ std::string arrays_text(const CoveragePlan& plan) {
   }
   if (plan.subject_view) {
     text += fmt::format(
-        "The middle of the subject is seen from {:.1f} % of all directions, by {} "
+        "The middle of the subject is seen from {:.3g} % of all directions, by {} "
         "array{}.\n",
         100 * plan.subject_view->share_of_directions, plan.subject_view->arrays,
         plan.subject_view->arrays == 1 ? "" : "s");
@@ -194,7 +194,7 @@ std::string drawings_of(const CoveragePlan& plan) {
                         [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.x(), -p.z()); });
   drawings.emplace_back("Elevation: the array looks to the left",
                         [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.z(), p.y()); });
-  drawings.emplace_back("From the front",
+  drawings.emplace_back("From behind the array",
                         [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.x(), p.y()); });
   drawings.emplace_back("Seen from the left and above", [right, up](const Eigen::Vector3d& p) {
     return Eigen::Vector2d(p.dot(right), p.dot(up));

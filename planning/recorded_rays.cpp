@@ -13,6 +13,7 @@
 #include <boost/container/small_vector.hpp>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <span>
 #include <utility>
 #include <vector>
@@ -122,6 +123,13 @@ class Polygon {
       at_from = at_to;
     }
     return kept;
+  }
+
+  /// Returns whether a x + b y + c is negative in a part.
+  bool reaches_beyond(const Vector3d& line) const {
+    return std::any_of(corners_.begin(), corners_.end(), [&](const Vector2d& p) {
+      return line.x() * p.x() + (line.y() * p.y() + line.z()) < 0;
+    });
   }
 
   Eigen::AlignedBox2d box() const {
@@ -310,8 +318,8 @@ std::vector<Polygon> uncovered_parts(std::span<const Region> before, const Regio
     std::vector<Polygon> outside;
     for (Polygon part : parts) {
       for (const Vector3d& line : other.lines) {
-        Polygon beyond = part.clipped(-line);
-        if (!beyond.is_empty()) outside.push_back(std::move(beyond));
+        // Not where the line is 0 everywhere, as on the border of two cells.
+        if (part.reaches_beyond(line)) outside.push_back(part.clipped(-line));
         part = part.clipped(line);
       }
     }
@@ -372,13 +380,15 @@ double unrecorded_part(const render::VirtualCamera& given, const rig::Rig& rig,
   }
   const RayCells cells(view, rig, topology);
   const std::vector<Region> regions = regions_of(cells, picture);
-  const bool overlap = is_folded(rig, topology, view.pose.position);
   const double total = static_cast<double>(view.width) * view.height;
-  // Of folded arrays the areas of the regions are only known after subtraction.
-  double missing = total;
-  if (!overlap) {
-    for (const Region& region : regions) missing -= region.polygon.area();
-  }
+  double of_regions = 0;
+  for (const Region& region : regions) of_regions += region.polygon.area();
+  // All rays of a view on the border of two cells are in both.
+  constexpr double kAreaRounding = 1e-9;
+  const bool overlap =
+      is_folded(rig, topology, view.pose.position) || of_regions > total * (1 + kAreaRounding);
+  // Of regions that overlap the areas are only known after subtraction.
+  double missing = overlap ? total : total - of_regions;
   std::vector<std::optional<PlaneView>> cameras(rig.cameras.size());
   for (std::size_t r = 0; r < regions.size(); ++r) {
     if (!overlap && missing > precision.enough * total) break;
@@ -421,6 +431,43 @@ bool is_recorded(const render::VirtualCamera& view, const rig::Rig& rig,
   const double most_missing = 1 - share;
   constexpr double kBend = 5e-4;
   return unrecorded_part(view, rig, topology, plane, {kBend, most_missing}) <= most_missing + 1e-12;
+}
+
+double unseen_share(const render::VirtualCamera& given, const rig::Rig& rig,
+                    const rig::Topology& topology, const Eigen::Vector4d& plane) {
+  const render::VirtualCamera view = ideal_view(given);
+  const render::PlaneProjection projection(view, plane);
+  if (!projection.at_infinity() && projection.distance() == 0) return 1;
+  std::set<int> present;
+  for (const rig::Topology::Cell& cell : topology.cells) {
+    for (const int camera : cell) {
+      if (camera >= 0) present.insert(camera);
+    }
+  }
+  std::vector<PlaneView> cameras;
+  for (const int camera : present) cameras.emplace_back(projection, rig.cameras[camera], 0);
+  constexpr int kColumns = 65, kRows = 49;
+  std::size_t last = 0;  // the camera that saw the ray before: it often sees the next one, too
+  const auto is_seen = [&](const Vector2d& pixel) {
+    if (!(projection.depth(pixel.x(), pixel.y()) > 0)) return false;
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      const std::size_t camera = (last + i) % cameras.size();
+      if (std::ranges::min(cameras[camera].borders_at(pixel)) < 0) continue;
+      last = camera;
+      return true;
+    }
+    return false;
+  };
+  // To the picture's borders, where views are the first to lack rays; by the trapezoidal rule.
+  const auto weight = [](int i, int count) { return i == 0 || i == count - 1 ? 0.5 : 1.0; };
+  double missing = 0;
+  for (int y = 0; y < kRows; ++y) {
+    for (int x = 0; x < kColumns; ++x) {
+      const Vector2d pixel(x * view.width / (kColumns - 1.0), y * view.height / (kRows - 1.0));
+      if (!is_seen(pixel)) missing += weight(x, kColumns) * weight(y, kRows);
+    }
+  }
+  return missing / ((kColumns - 1.0) * (kRows - 1.0));
 }
 
 double unrecorded_share_reference(const render::VirtualCamera& given, const rig::Rig& rig,

@@ -22,6 +22,12 @@ double unrecorded_share(const render::VirtualCamera& view, const rig::Rig& rig,
 bool is_recorded(const render::VirtualCamera& view, const rig::Rig& rig,
                  const rig::Topology& topology, const Eigen::Vector4d& plane, double share);
 
+/// Returns the share, 0 to 1, of a view's rays whose point on `plane` no camera of the cells sees,
+/// whichever cell they pass: what methods lack that blend whatever cameras see a point. Tests the
+/// rays of a grid of 65 x 49 to the picture's borders: less than a step of it may be overlooked.
+double unseen_share(const render::VirtualCamera& view, const rig::Rig& rig,
+                    const rig::Topology& topology, const Eigen::Vector4d& plane);
+
 /// Returns the unrecorded share by testing the ray through each pixel's centre: the reference.
 double unrecorded_share_reference(const render::VirtualCamera& view, const rig::Rig& rig,
                                   const rig::Topology& topology, const Eigen::Vector4d& plane);

@@ -93,6 +93,46 @@ TEST(UnrecordedShare, EqualsTheCountOfPixels) {
   RecordProperty("worst", std::to_string(worst));
 }
 
+// All rays of a view in the plane of the array pass where it stands: on a line between cameras, or
+// at one of them, they are in several cells.
+TEST(UnrecordedShare, OnTheBorderOfCellsIsThatBesideIt) {
+  const Array array = grid(4, 4);
+  const auto share_at = [&](const Vector3d& position) {
+    const render::VirtualCamera view =
+        render::virtual_camera_with_fov(640, 480, 60 * kDegree, make_pose(position, 12, 0));
+    const double share = unrecorded_share(view, array.rig, array.topology, plane_at(INFINITY));
+    EXPECT_EQ(is_recorded(view, array.rig, array.topology, plane_at(INFINITY), 0.99), share <= 0.01)
+        << position.transpose();
+    return share;
+  };
+  for (const Vector3d& position :
+       {Vector3d(0, 0, 0), Vector3d(0.03, 0.03, 0), Vector3d(0.03, 0, 0), Vector3d(0, 0.03, 0),
+        Vector3d(0.09, 0.01, 0), Vector3d(-0.09, 0.09, 0)}) {
+    const double beside =
+        share_at(position - 1e-7 * Vector3d(position.x() + 0.001, position.y() + 0.0017, 0));
+    EXPECT_GT(beside, 0.03);
+    EXPECT_NEAR(share_at(position), beside, 1e-6) << position.transpose();
+  }
+}
+
+TEST(UnseenShare, CountsWhatNoCameraSees) {
+  const Array array = grid(4, 4);
+  const auto view_at = [](const Vector3d& position, double fov) {
+    return render::virtual_camera_with_fov(640, 480, fov * kDegree, make_pose(position, 0, 0));
+  };
+  // Beside the array no ray passes it, but its cameras see nearly all points.
+  const render::VirtualCamera beside = view_at({0.3, 0, 0}, 40);
+  EXPECT_EQ(unrecorded_share(beside, array.rig, array.topology, plane_at(3)), 1);
+  EXPECT_LT(unseen_share(beside, array.rig, array.topology, plane_at(3)), 0.05);
+  EXPECT_EQ(unseen_share(view_at({0, 0, 0}, 40), array.rig, array.topology, plane_at(3)), 0);
+  // At infinity the cameras see as much as one of them: of a wider view the middle.
+  const double wide =
+      unseen_share(view_at({0, 0, 0}, 90), array.rig, array.topology, plane_at(INFINITY));
+  EXPECT_NEAR(wide, 1 - std::pow(std::tan(31 * kDegree), 2), 0.02);
+  EXPECT_EQ(unseen_share(view_at({0, 0, -4}, 40), array.rig, array.topology, plane_at(3)), 1)
+      << "the plane is behind the view";
+}
+
 // Straight borders are exact: the share does not change where the picture is divided.
 TEST(UnrecordedShare, IsExactWithoutDistortion) {
   const Array array = grid(4, 4);

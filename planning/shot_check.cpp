@@ -68,10 +68,12 @@ class LayerChecker {
     check_.volume = layer.volume;
     check_.method = light_field.reconstruction().method;
     check_.uses_focal_plane = light_field.method().uses_focal_plane();
+    check_.blends_any_camera = light_field.method().blends_any_camera();
     check_.cameras = static_cast<int>(rig_.cameras.size());
     check_.depth_range = light_field.depth_range();
-    const rig::Topology complete = complete_topology(rig_);
-    check_.spacing = rig::max_neighbour_baseline(rig_, complete);
+    check_.eyes = static_cast<int>(plan.eyes().size());
+    complete_ = complete_topology(rig_);
+    check_.spacing = rig::max_neighbour_baseline(rig_, complete_);
     if (auto recorded = rig::recorded_array(rig_, &check_.no_range_because)) {
       array_ = std::move(recorded->array);
       check_.is_range_exact = recorded->is_ideal;
@@ -145,17 +147,19 @@ class LayerChecker {
   FrameCheck check_frame(const LayerFrame& frame) const {
     FrameCheck result;
     result.frame = frame.frame;
-    result.unrecorded_share = mean_unrecorded_share(frame);
+    result.unrecorded_share = mean_unrecorded_share(frame, false);
     const LayerTime& middle = frame.middle();
-    result.cameras = middle.cameras;
+    result.cameras = std::ranges::min(frame.exposure, {}, &LayerTime::cameras).cameras;
+    if (result.cameras > 0 && result.cameras < check_.cameras) {
+      result.unrecorded_share_of_all = mean_unrecorded_share(frame, true);
+    }
     if (middle.topology == nullptr) return result;
-    result.resolution = 1;
     const render::VirtualCamera& first = middle.eyes.front().view;
     result.horizontal_fov = 2 * std::atan(first.width / 2.0 / first.intrinsics.fx);
     for (const EyeView& eye : middle.eyes) {
       take_less(result.boundary_distance, boundary_distance(eye.view));
       const auto ratio = least_source_pixels_per_pixel(eye.view, rig_, *middle.topology, eye.plane);
-      result.resolution = std::min(result.resolution, ratio.value_or(0));
+      if (ratio) take_less(result.resolution, std::min(1.0, *ratio));
       if (!check_.depth_range) continue;
       take_more(result.near_ghosting, ghosting(eye, check_.depth_range->near));
       take_more(result.far_ghosting, ghosting(eye, check_.depth_range->far));
@@ -163,8 +167,16 @@ class LayerChecker {
     return result;
   }
 
+  /// Returns the share of a view's rays that the layer's method lacks.
+  double missing_share(const render::VirtualCamera& view, const Eigen::Vector4d& plane,
+                       const rig::Topology& topology) const {
+    const auto share = check_.blends_any_camera ? unseen_share : unrecorded_share;
+    return share(view, rig_, topology, plane);
+  }
+
   /// Returns the mean over the exposure, of the eye for which it is larger.
-  double mean_unrecorded_share(const LayerFrame& frame) const {
+  /// `of_all`: as if all cameras had frames.
+  double mean_unrecorded_share(const LayerFrame& frame, bool of_all) const {
     double worst = 0;
     for (std::size_t eye = 0; eye < plan_.eyes().size(); ++eye) {
       double sum = 0, weights = 0;
@@ -172,8 +184,8 @@ class LayerChecker {
         weights += time.weight;
         sum += time.weight * (time.topology == nullptr
                                   ? 1
-                                  : unrecorded_share(time.eyes[eye].view, rig_, *time.topology,
-                                                     time.eyes[eye].plane));
+                                  : missing_share(time.eyes[eye].view, time.eyes[eye].plane,
+                                                  of_all ? complete_ : *time.topology));
       }
       worst = std::max(worst, sum / weights);
     }
@@ -210,8 +222,7 @@ class LayerChecker {
     const auto is_recorded = [&](const LayerFrame& frame, double narrower) {
       return std::ranges::all_of(frame.exposure, [&](const LayerTime& time) {
         return std::ranges::all_of(time.eyes, [&](const EyeView& eye) {
-          return unrecorded_share(narrowed(eye.view, narrower), rig_, *time.topology, eye.plane) ==
-                 0;
+          return missing_share(narrowed(eye.view, narrower), eye.plane, *time.topology) == 0;
         });
       });
     };
@@ -236,6 +247,7 @@ class LayerChecker {
   const compose::LightFieldLayer& light_field_;
   const rig::Rig& rig_;
   std::optional<rig::WallEyedArray> array_;
+  rig::Topology complete_;                                // of all cameras
   std::map<std::vector<int>, rig::Topology> topologies_;  // by the cameras that are there
   LayerCheck check_;
 };
@@ -260,8 +272,12 @@ double LayerCheck::worst_unrecorded_share() const {
 
 double LayerCheck::worst_resolution() const {
   double worst = 1;
-  for (const FrameCheck& frame : frames) worst = std::min(worst, frame.resolution);
-  return worst;
+  bool is_known = frames.empty();
+  for (const FrameCheck& frame : frames) {
+    worst = std::min(worst, frame.resolution.value_or(1));
+    is_known = is_known || frame.resolution.has_value();
+  }
+  return is_known ? worst : 0;
 }
 
 namespace {
@@ -277,8 +293,10 @@ double worst_of(const std::vector<LayerCheck>& layers, double none, const Value&
     const std::string group =
         layer.volume.empty() ? fmt::format("{}", layer.layer) : "volume " + layer.volume;
     for (const FrameCheck& frame : layer.frames) {
-      const auto [known, is_new] = best.try_emplace({frame.frame, group}, value(frame));
-      if (!is_new) known->second = better(known->second, value(frame));
+      const std::optional<double> of_frame = value(frame);
+      if (!of_frame) continue;
+      const auto [known, is_new] = best.try_emplace({frame.frame, group}, *of_frame);
+      if (!is_new) known->second = better(known->second, *of_frame);
     }
   }
   double worst = none;
@@ -292,11 +310,13 @@ double worst_of(const std::vector<LayerCheck>& layers, double none, const Value&
 
 double ShotCheck::worst_unrecorded_share() const {
   return worst_of(
-      layers, 0, [](const FrameCheck& frame) { return frame.unrecorded_share; },
+      layers, 0, [](const FrameCheck& frame) { return std::optional(frame.unrecorded_share); },
       [](double a, double b) { return std::min(a, b); });
 }
 
 double ShotCheck::worst_resolution() const {
+  const auto is_known = [](const LayerCheck& layer) { return layer.worst_resolution() > 0; };
+  if (has_frames() && std::ranges::none_of(layers, is_known)) return 0;
   return worst_of(
       layers, 1, [](const FrameCheck& frame) { return frame.resolution; },
       [](double a, double b) { return std::max(a, b); });

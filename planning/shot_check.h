@@ -17,19 +17,22 @@ namespace raystage::planning {
 /// What the cameras of a take recorded of one frame of a shot. With stereo, that of the worse eye.
 struct FrameCheck {
   int frame = 0;
-  int cameras = 0;            ///< of the take that have a frame at that time
+  /// Of the take: that have a frame at that time; the fewest of the exposure.
+  int cameras = 0;
   double horizontal_fov = 0;  ///< of the view, radians
-                              /// Of the rays, see unrecorded_share(); 0 to 1, the mean over the
-                              /// exposure. 1 where the take has
-  /// no frame at that time.
+
+  /// Of the rays, see LayerCheck::blends_any_camera; 0 to 1, the mean over the exposure. 1 where
+  /// the take has no frame at that time.
   double unrecorded_share = 0;
+  /// As that, as if all cameras had frames; computed where some have none.
+  double unrecorded_share_of_all = 0;
   /// Distance of the camera from the border of its range of motion, metres; negative outside.
   /// Nullopt where the range is empty or not known.
   std::optional<double> boundary_distance = {};
   /// Effective resolution relative to the shot's, along an axis: see
-  /// least_source_pixels_per_pixel(); at most 1. 0 where no camera sees the view. This and what
-  /// follows are those of the middle of the exposure.
-  double resolution = 0;
+  /// least_source_pixels_per_pixel(); at most 1. Nullopt where no camera sees the view. This and
+  /// what follows are those of the middle of the exposure.
+  std::optional<double> resolution = {};
   /// See ghosting_pixels(): at the nearest and the farthest depth of the scene.
   std::optional<double> near_ghosting = {}, far_ghosting = {};
 };
@@ -41,7 +44,11 @@ struct LayerCheck {
   std::string volume;  ///< as in the shot: takes around one volume
   std::string method;
   bool uses_focal_plane = true;  ///< whether the method samples rays on one focal plane
+  /// Whether any camera that sees a ray's point on the focal plane counts (unseen_share()), and not
+  /// only those of the cell that it passes (unrecorded_share()).
+  bool blends_any_camera = false;
   int cameras = 0;
+  int eyes = 1;        ///< of the shot's camera
   double spacing = 0;  ///< largest distance of neighbours of the complete array, metres
   std::optional<schemas::DepthRange> depth_range;
   /// Why no range of motion is known; empty if it is: that of the complete array.
@@ -57,7 +64,7 @@ struct LayerCheck {
   /// Returns the largest disparity error of the frames in pixels; nullopt without a depth range.
   std::optional<double> worst_ghosting() const;
   double worst_unrecorded_share() const;  ///< 0 without frames
-  double worst_resolution() const;        ///< 1 without frames
+  double worst_resolution() const;        ///< 1 without frames, 0 if it is known of none
 };
 
 /// What takes recorded of the frames of a shot (thesis 5).

@@ -84,11 +84,17 @@ std::string coverage_text(const LayerCheck& layer) {
   if (lacking.empty()) return "Every ray was recorded.\n";
   const FrameCheck& worst = worst_frame(layer);
   std::string text = fmt::format(
-      "Up to {} of the rays were recorded by no camera, most at frame {}; rays are missing in {} "
+      "Up to {} of the rays were recorded by no camera{}, most at frame {}; rays are missing in {} "
       "of {}: "
       "{}.\n",
-      percent(worst.unrecorded_share), worst.frame, lacking.size(),
-      frame_count(layer.frames.size()), compose::format_frame_range(lacking));
+      percent(worst.unrecorded_share), layer.eyes > 1 ? " (of the worse eye)" : "", worst.frame,
+      lacking.size(), frame_count(layer.frames.size()), compose::format_frame_range(lacking));
+  if (worst.cameras > 0 && worst.cameras < layer.cameras) {
+    text += fmt::format("With all cameras {} of those of frame {} would be missing.\n",
+                        worst.unrecorded_share_of_all > 0 ? percent(worst.unrecorded_share_of_all)
+                                                          : std::string("none"),
+                        worst.frame);
+  }
   if (layer.field_of_view_factor) {
     text += fmt::format(
         "Every ray was recorded with {:.3f} times the field of view (its tangent), as with {:.1f} "
@@ -137,6 +143,7 @@ std::string range_text(const LayerCheck& layer) {
 
 std::string resolution_text(const ShotCheck& check, const LayerCheck& layer) {
   const double worst = layer.worst_resolution();
+  if (worst == 0) return "The effective resolution is not known: no camera sees the view.\n";
   return fmt::format(
       "The effective resolution is {:.0f} % of the shot's at least, {:.0f} of {} "
       "pixels.\n",
@@ -172,7 +179,7 @@ ordered_json json_of(const LayerCheck& layer) {
                       {"cameras", frame.cameras},
                       {"unrecorded_share", frame.unrecorded_share},
                       {"boundary_distance_m", json_of(frame.boundary_distance)},
-                      {"resolution", frame.resolution},
+                      {"resolution", json_of(frame.resolution)},
                       {"near_ghosting_px", json_of(frame.near_ghosting)},
                       {"far_ghosting_px", json_of(frame.far_ghosting)}});
   }
@@ -233,7 +240,7 @@ std::string charts_of(const LayerCheck& layer) {
     const double x = frame.frame;
     missing.points.push_back({x, kPercent * frame.unrecorded_share});
     if (frame.boundary_distance) distance.points.push_back({x, *frame.boundary_distance});
-    resolution.points.push_back({x, kPercent * frame.resolution});
+    if (frame.resolution) resolution.points.push_back({x, kPercent * *frame.resolution});
     if (frame.near_ghosting || frame.far_ghosting) {
       ghosting.points.push_back(
           {x, std::max(frame.near_ghosting.value_or(0), frame.far_ghosting.value_or(0))});
@@ -288,8 +295,9 @@ std::string bench_text(const ShotCheck& check, const LayerCheck& layer) {
 std::string depths_text(const LayerCheck& layer) {
   if (layer.uses_focal_plane) return "";
   return fmt::format(
-      "Rays and resolution are those of points on the focal plane; method {} shows things at their "
-      "own depths, of which the cameras may see a little more or less at the borders.\n",
+      "Rays and resolution are those of points on the focal plane that any camera sees; method {} "
+      "shows things at their own depths, of which they may see a little more or less at the "
+      "borders.\n",
       layer.method);
 }
 
@@ -311,16 +319,17 @@ std::string memory_text(const ShotCheck& check) {
 /// States how the camera moves, and what a motion control rig could not do.
 std::string motion_text(const ShotCheck& check) {
   const CameraMotion& motion = check.motion;
+  const auto shown = [](double value) { return value < kLeastMotion ? 0 : value; };
   std::string text = fmt::format(
       "The camera moves over {:.3g} m, {:.3g} m wide; up to {:.3g} m/s, {:.3g} m/s2 and {:.3g} "
       "deg/s.\n",
-      motion.track_length, motion.reach,
-      std::max(motion.track_speed.value, motion.extension_speed.value), motion.acceleration.value,
-      motion.turn_speed.value * 180 / std::numbers::pi);
+      shown(motion.track_length), shown(motion.reach),
+      shown(std::max(motion.track_speed.value, motion.extension_speed.value)),
+      shown(motion.acceleration.value), shown(motion.turn_speed.value * 180 / std::numbers::pi));
   const std::vector<std::string> exceeded = exceeded_limits(motion, check.motion_limits);
   for (const std::string& sentence : exceeded) text += sentence + "\n";
   if (exceeded.empty() && check.motion_limits.is_limited()) {
-    text += "The motion control rig could follow it.\n";
+    text += "A motion control rig with the given limits could follow it.\n";
   }
   return text;
 }

@@ -75,7 +75,7 @@ TEST_F(ShotCheckTest, OfABlurredFrameIsTheMeanOverTheExposure) {
     return testing::camera_key(frame, {0.05 + 0.1 * time, -0.05, 0.1}, 40);
   };
   shot_.camera.keys = {key_at(101, 0), key_at(102, 1)};
-    shot_.last_frame = 102;
+  shot_.last_frame = 102;
   shot_.width *= 20;  // the finer the picture, the more times
   shot_.height *= 20;
   shot_.output.motion_samples = 257;
@@ -104,7 +104,13 @@ TEST_F(ShotCheckTest, CamerasThatAreAbsentRecordNothing) {
     // The last camera has no frame at the third instant.
     EXPECT_EQ(frame.unrecorded_share, frame.frame == 103 ? 1 : 0) << frame.frame;
     EXPECT_EQ(frame.cameras, frame.frame == 103 ? 3 : 4);
+    EXPECT_EQ(frame.unrecorded_share_of_all, 0);
   }
+  EXPECT_THAT(format_shot_check(check),
+              HasSubstr("With all cameras none of those of frame 103 would be missing."));
+  // Any camera that sees a point shows it: the other ones stand in.
+  shot_.layers[0].method = "plane_sweep";
+  EXPECT_EQ(this->check().worst_unrecorded_share(), 0);
   EXPECT_THAT(format_shot_check(check),
               HasSubstr("Up to 1 of 4 cameras are absent in 1 of 6 frames: 103."));
 }
@@ -193,7 +199,8 @@ TEST_F(ShotCheckTest, TimesOutsideOfTheTakeHaveNoRays) {
   ASSERT_EQ(check.layers[0].frames.size(), 2U);
   EXPECT_EQ(check.layers[0].frames[0].unrecorded_share, 0);
   EXPECT_EQ(check.layers[0].frames[1].unrecorded_share, 1);
-  EXPECT_EQ(check.layers[0].frames[1].resolution, 0);
+  EXPECT_FALSE(check.layers[0].frames[1].resolution);
+  EXPECT_GT(check.worst_resolution(), 0.5) << "of the frames that show something";
   EXPECT_FALSE(check.layers[0].field_of_view_factor);
   shot_.layers[0].last_frame = 150;
   const compose::ShotPlan hidden(shot_, folder_.path() / "shot.json", {});

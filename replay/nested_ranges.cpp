@@ -33,6 +33,10 @@ std::vector<Group> groups_of(const compose::ShotPlan& plan) {
     if (is_new || volume.empty()) groups.emplace_back();
     Group& group = is_new || volume.empty() ? groups.back() : groups[known->second];
     group.layers.push_back(layer->index());
+    const bool is_known = std::ranges::any_of(group.rigs, [&](const planning::NamedRig& other) {
+      return planning::have_same_cameras(other.rig, layer->take().rig());
+    });
+    if (is_known) continue;  // several takes of one array
     group.rigs.push_back({layer->take().document().name, layer->take().rig()});
   }
   return groups;

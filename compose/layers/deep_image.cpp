@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Converts layers to deep samples: one sample per visible layer and pixel, sorted by depth. Input:
-// layer images with depth (metres); output: premultiplied samples from front to back whose "over"
-// composite equals merge() by depth. Cost: pixels x layers x log(layers).
+// Converts images of layers to deep samples: one sample per visible image and pixel, sorted by
+// depth. Input: layer images with depth (metres); output: premultiplied samples from front to back
+// whose "over" composite equals merge() by depth. Cost: pixels x layers x log(layers).
 #include "compose/layers/deep_image.h"
 
 #include <algorithm>

@@ -9,7 +9,8 @@
 
 namespace raystage::compose {
 
-/// Samples of each pixel from front to back, at most one per layer.
+/// Samples of each pixel from front to back, at most one per image; a layer has two images where it
+/// shows two surfaces (LayerSurfaces).
 struct DeepImage {
   struct Sample {
     float rgba[4];  ///< premultiplied

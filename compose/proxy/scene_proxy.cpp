@@ -64,6 +64,17 @@ Eigen::Vector3f world_point(const render::VirtualCamera& camera, int x, int y, f
   return camera.pose.world_from_camera(in_camera).cast<float>();
 }
 
+/// Makes pixels at edges of depth those of the surface whose depth they have.
+void keep_one_surface(render::RenderedView& view) {
+  for (const render::EdgePixel& edge : view.edges) {
+    const std::array<float, 4>& shown =
+        view.z[edge.pixel] == edge.front_z ? edge.front : edge.behind;
+    if (!(shown[3] > 0)) continue;
+    for (std::size_t c = 0; c < 4; ++c) view.rgba[4 * edge.pixel + c] = shown[c] / shown[3];
+  }
+  view.edges.clear();
+}
+
 std::array<std::uint8_t, 3> code_of(const render::RenderedView& view, std::size_t i) {
   std::array<std::uint8_t, 3> code{};
   const float alpha = std::max(view.rgba[4 * i + 3], std::numeric_limits<float>::min());
@@ -137,6 +148,7 @@ class ProxyViews {
 
   render::RenderedView render(const render::VirtualCamera& view) {
     render::RenderedView rendered = renderer_.render(view, *tick_, how_);
+    keep_one_surface(rendered);
     for (const int camera : rendered.rotten_cameras) {
       rotten_cameras_.insert(take_.document().cameras[camera].id);
     }

@@ -64,6 +64,11 @@ MemoryCeiling::MemoryCeiling(std::size_t ceiling, MemoryBudget& frames, bool lim
       margin_(margin(ceiling)),
       frames_(frames),
       limit_allocations_(limit_allocations) {
+  // Before a limit holds under which no thread can be started.
+  watcher_ = std::jthread([this](const std::stop_token& stop) {
+    holds_.wait();
+    watch(stop);
+  });
   if (limit_allocations_) {
     Loans& own = loans();
     const std::scoped_lock lock(own.mutex);
@@ -74,11 +79,6 @@ MemoryCeiling::MemoryCeiling(std::size_t ceiling, MemoryBudget& frames, bool lim
     own.active = true;
     handler_before_ = std::set_new_handler(handle_failed_new);
   }
-  // Before a limit holds under which no thread can be started.
-  watcher_ = std::jthread([this](const std::stop_token& stop) {
-    holds_.wait();
-    watch(stop);
-  });
   look();
   holds_.count_down();
 }

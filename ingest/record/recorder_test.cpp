@@ -268,7 +268,7 @@ TEST_F(Recording, FailsIfNotAllThreadsCanStart) {
     return std::make_unique<LeavesNoMemory>(std::move(source));
   };
   constexpr int kMany = 40;
-  EXPECT_ANY_THROW(record(std::vector(kMany, script({jpeg_frame(1)}, 100, 1000))));
+  EXPECT_THROW(record(std::vector(kMany, script({jpeg_frame(1)}, 100, 1000))), std::system_error);
   setrlimit(RLIMIT_DATA, &before);
 }
 

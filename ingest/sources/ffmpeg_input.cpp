@@ -330,10 +330,13 @@ void FfmpegInput::end(int code) {
 }
 
 FfmpegInput::Outcome FfmpegInput::take(Packet& packet, Clock::time_point deadline) {
-  try {
-    start();
-  } catch (const std::system_error&) {  // no thread can be started
-    end(AVERROR(ENOMEM));
+  if (!has_failed_to_start_) {
+    try {
+      start();
+    } catch (const std::system_error&) {  // no thread can be started
+      has_failed_to_start_ = true;
+      end(AVERROR(ENOMEM));
+    }
   }
   std::unique_lock lock(mutex_);
   changed_.wait_until(lock, deadline,

@@ -92,6 +92,7 @@ class FfmpegInput {
   std::condition_variable changed_;
   std::deque<Packet> packets_;
   bool interrupted_ = false, over_ = false, lost_ = false;
+  bool has_failed_to_start_ = false;  // of the thread of take()
   std::string loss_reason_;
   std::thread reader_;
 };

@@ -120,8 +120,21 @@ std::string format_measured_depths(const MeasuredDepths& depths) {
                                  depths.instants.size(), depths.instants.size() == 1 ? "" : "s");
   text += depths.range ? "Depth range  " + range_text(*depths.range) + "\n" + disparity_text(depths)
                        : "No depth range: " + depths.no_range_because + ".\n";
-  return text + (depths.stated ? "take.json    " + range_text(*depths.stated) + "\n"
-                               : "take.json states no depth range.\n");
+  if (!depths.stated) return text + "take.json states no depth range.\n";
+  text += "take.json    " + range_text(*depths.stated) + "\n";
+  // Reflections seem farther than the mirror, and repeated patterns nearer or farther than they
+  // are.
+  constexpr double kAlike = 1.2;
+  const bool differs =
+      depths.range && (1 / depths.range->near > kAlike / depths.stated->near ||
+                       1 / depths.range->near < 1 / (kAlike * depths.stated->near) ||
+                       std::isinf(depths.range->far) != std::isinf(depths.stated->far) ||
+                       depths.range->far > kAlike * depths.stated->far ||
+                       depths.range->far * kAlike < depths.stated->far);
+  return differs ? text +
+                       "They differ by more than a fifth: look at the histogram (--report) before "
+                       "one replaces the other; mirrors and repeated patterns widen a range.\n"
+                 : text;
 }
 
 std::string measured_depths_as_json(const MeasuredDepths& depths) {

@@ -145,6 +145,7 @@ class AutomaticMethod final : public Method {
   }
   bool uses_focal_plane() const override { return false; }
   bool may_use_focal_plane() const override { return true; }
+  bool tells_surfaces_apart() const override { return true; }
   bool chooses_by_measuring() const override { return true; }
 };
 

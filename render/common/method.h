@@ -175,6 +175,9 @@ class Method {
   virtual bool caches_frames_only(const MethodOptions& /*options*/) const { return false; }
   /// Returns whether rays are sampled on ViewRequest::focal_plane.
   virtual bool uses_focal_plane() const { return true; }
+  /// Returns whether any camera that sees a point may show it, and not only those of the array's
+  /// cell that its ray passes.
+  virtual bool blends_any_camera() const { return !uses_focal_plane(); }
   /// Returns whether rays are sampled on the focal plane where the depth range of the scene is
   /// unknown.
   virtual bool may_use_focal_plane() const { return uses_focal_plane(); }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Kernels of the blending by depths, up to 64 pixels at a time. compute_visibility() compares a
-// view's points with a camera's inverse depths (bilinear ramp behind the surface).
+// view's points with a camera's inverse depths (bilinear ramp behind the surface), and
+// compute_surface_share() also with the ramp in front of it.
 // blend_reweighted() computes the mean of the cameras' samples by iteratively reweighted least
 // squares with Cauchy weights (2 rounds). Cost: O(pixels x cameras x rounds). Must match the
 // per-pixel double computation in depth_reference.cpp.

@@ -24,10 +24,10 @@ struct VisibilityRun {
 };
 inline constexpr float kOcclusionRamp = 1.5F;
 void compute_visibility(const VisibilityRun& run);
-/// Writes the part of `run.visible` for which the camera's own depth is that of the point: it falls
-/// from 1 to 0 where its depth is `tolerance` to kOcclusionRamp times that behind the point, too.
-/// Where its depth is unknown, and outside of its image, nothing speaks against the point: 1. Both
-/// spans have equal lengths.
+/// Writes the part of the visibility for which the camera's own depth is that of the point: it
+/// falls from 1 to 0 where its depth is `tolerance` to kOcclusionRamp times that behind the point,
+/// too. Where its depth is unknown, and outside of its image, nothing speaks against the point: 1.
+/// `run.visible` and `run.nearest` are not used; `at_surface` is as long as `run.inverse_depth`.
 void compute_surface_share(const VisibilityRun& run, std::span<float> at_surface);
 
 /// Samples of several cameras for a run of pixels. Each array has room for kMaxRunPixels pixels:

@@ -364,7 +364,7 @@ RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>&
       const float* facts = &planes.at(1)[4 * (row + x)];
       float depth = facts[0];
       const std::span<float, 4> pixel(&rgba[4 * x], 4);
-      if (facts[2] != kUnknownDepth) {
+      if (facts[2] >= 0) {
         constexpr float kFull = 65535;
         CombinedSurfaces both =
             combine_surfaces({facts[0], facts[2]}, {facts[3], facts[1] / kFull}, pixel,

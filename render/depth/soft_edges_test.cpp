@@ -201,6 +201,15 @@ TEST(CombineSurfaces, OneThatIsAloneIsWhole) {
   EXPECT_EQ(hidden.rgba, behind);
   EXPECT_EQ(hidden.inverse_depth, 0.2F);
   EXPECT_EQ(depth::combine_surfaces(pair, {0, 0}, nothing, nothing).rgba, nothing);
+  // Next to no camera has the front: its colours are those of other surfaces.
+  EXPECT_EQ(depth::combine_surfaces(pair, {1, 1e-5F}, front, nothing).rgba, nothing);
+  // A does not jump where something behind comes into view.
+  for (const float seen : {0.0F, 0.01F, 0.5F, 1.0F}) {
+    const std::array<float, 4> partly{0, seen / 2, 0, seen};
+    EXPECT_NEAR(depth::combine_surfaces(pair, {1, 0.5F}, front, partly).rgba[3],
+                1 - (1 - seen) * 0.5F * seen, 0.01)
+        << seen;
+  }
   // Few cameras: the colours of the front are those of 0.03 / kFullAlphaWeight of it.
   std::array<float, 4> thin{};
   for (std::size_t c = 0; c < 4; ++c) thin[c] = 0.3F * front[c];

@@ -71,18 +71,20 @@ CombinedSurfaces combine_surfaces(const SurfacePair& pair, const FrontShare& sha
     }
     return scaled;
   };
-  if (covered > 1 - kLeastShare || (!(behind[3] > 0) && covered > 0)) {
-    result.rgba = scaled_front(1);
-    result.inverse_depth = pair.front;
-    return result;
-  }
-  if (covered < kLeastShare) {
+  if (covered < kLeastShare) {  // its colours would be those of cameras that see others
     std::ranges::copy(behind, result.rgba.begin());
     result.inverse_depth = pair.behind;
     return result;
   }
+  // The less is known of what is behind, the more of the pixel is the front's.
+  const float part = 1 - (1 - covered) * behind[3];
+  if (part > 1 - kLeastShare) {
+    result.rgba = scaled_front(1);
+    result.inverse_depth = pair.front;
+    return result;
+  }
   EdgePixel edge;
-  edge.front = scaled_front(covered);
+  edge.front = scaled_front(part);
   std::ranges::copy(behind, edge.behind.begin());
   const auto depth_of = [](float inverse) {
     return inverse > 0 ? 1 / inverse : std::numeric_limits<float>::infinity();

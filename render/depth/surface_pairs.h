@@ -52,8 +52,9 @@ struct CombinedSurfaces {
   std::optional<EdgePixel> edge;  ///< none: only one of the surfaces is seen
 };
 /// Puts two surfaces together. `front`, `behind`: their premultiplied colours as finish_samples()
-/// returns them, those of the front by the cameras whose own depths are there (FrontShare::at). If
-/// no camera sees what is behind, the pixel is the front alone.
+/// returns them, those of the front by the cameras whose own depths are there (FrontShare::at). The
+/// front covers as much more than its share as what is behind is transparent. It is left out where
+/// next to no camera has it.
 CombinedSurfaces combine_surfaces(const SurfacePair& pair, const FrontShare& share,
                                   std::span<const float, 4> front,
                                   std::span<const float, 4> behind);

@@ -115,6 +115,7 @@ class LumigraphMethod final : public Method {
             .artefacts = "doubled edges where the proxy is wrong",
             .use = "sets that were scanned or modelled"};
   }
+  bool blends_any_camera() const override { return true; }
   std::span<const OptionSpec> options() const override { return options_; }
   std::span<const MethodPreset> presets() const override {
     static constexpr MethodPreset kPresets[]{{"fast", "weights=blending_field"},

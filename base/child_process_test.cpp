@@ -59,6 +59,13 @@ TEST(ChildProcess, GetsItsInputAndNoGrandchildHoldsItsEnd) {
   EXPECT_LT(result.wall_seconds, 10);
 }
 
+TEST(ChildProcess, MayEndBeforeItHasReadItsInput) {
+  std::signal(SIGPIPE, SIG_DFL);  // as in programs that use the library
+  ChildOptions options;
+  options.input = std::string(std::size_t{1} << 20, 'x');  // more than a pipe holds
+  EXPECT_EQ(run_child({"true"}, options).exit_code, 0);
+}
+
 TEST(ChildProcess, ThatIsNotThereIsAnError) {
   EXPECT_THROW(run_child({"/no/such/program"}), Error);
 }

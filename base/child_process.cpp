@@ -127,7 +127,7 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
                                                   O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
   // Input has its own thread, because the child may print before it has read all of it.
   std::thread feeder([input = options.input, end = std::move(in.write)]() mutable {
-        // A program that ends before it has read its input must not end this one.
+    // A program that ends before it has read its input must not end this one.
     sigset_t broken_pipe;
     sigemptyset(&broken_pipe);
     sigaddset(&broken_pipe, SIGPIPE);

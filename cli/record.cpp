@@ -282,7 +282,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   hold_ceiling(config, settings.memory_ceiling, no_frames, ceiling_before_recording);
   auto cameras = ingest::open_cameras(config, open_source, rig ? &*rig : nullptr);
   report_absent(cameras);
-    // Measuring starts a thread for each camera at once, for which the limit may leave no stacks.
+  // Measuring starts a thread for each camera at once, for which the limit may leave no stacks.
   if (config.hold) ceiling_before_recording.reset();
   constexpr double kMeasure = 2;  // seconds
   const auto absent = std::ranges::count_if(

@@ -61,7 +61,7 @@ class SoftEdges : public testing::DepthTest {
 double true_share(const VirtualCamera& view, const ViewRays& rays, int x, int y) {
   constexpr int kGrid = 16;
   int hits = 0;
-    for (int row = 0; row < kGrid; ++row) {
+  for (int row = 0; row < kGrid; ++row) {
     for (int column = 0; column < kGrid; ++column) {
       const auto ray = rays.through(x + (column + 0.5) / kGrid, y + (row + 0.5) / kGrid);
       hits += meets_wall(view.pose.position, *ray) ? 1 : 0;

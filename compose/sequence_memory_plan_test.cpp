@@ -85,8 +85,8 @@ TEST_F(Memory, HasRoomForTheFramesThatViewsLookThrough) {
 
 TEST_F(Memory, SaysWhereAViewMayTakeMore) {
   shot_.layers[0].method = "depth";
-  EXPECT_THAT(planned(120).note, ::testing::HasSubstr("all 25 cameras needs 61.4 MB"));
-  EXPECT_THROW(planned(100), Error);
+  EXPECT_THAT(planned(135).note, ::testing::HasSubstr("all 25 cameras needs 61.4 MB"));
+  EXPECT_THROW(planned(115), Error);
 }
 
 }  // namespace

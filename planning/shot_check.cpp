@@ -150,7 +150,7 @@ class LayerChecker {
     result.unrecorded_share = mean_unrecorded_share(frame, false);
     const LayerTime& middle = frame.middle();
     result.cameras = std::ranges::min(frame.exposure, {}, &LayerTime::cameras).cameras;
-    if (result.cameras > 0 && result.cameras < check_.cameras) {
+    if (result.unrecorded_share > 0 && result.cameras > 0 && result.cameras < check_.cameras) {
       result.unrecorded_share_of_all = mean_unrecorded_share(frame, true);
     }
     if (middle.topology == nullptr) return result;

@@ -24,7 +24,7 @@ struct FrameCheck {
   /// Of the rays, see LayerCheck::blends_any_camera; 0 to 1, the mean over the exposure. 1 where
   /// the take has no frame at that time.
   double unrecorded_share = 0;
-  /// As that, as if all cameras had frames; computed where some have none.
+  /// As that, as if all cameras had frames; computed where some have none and rays are missing.
   double unrecorded_share_of_all = 0;
   /// Distance of the camera from the border of its range of motion, metres; negative outside.
   /// Nullopt where the range is empty or not known.

@@ -161,15 +161,8 @@ class CombinedPlanner {
                                           .tolerance = options_.tolerance_m,
                                           .max_vertices = options_.max_vertices,
                                           .stop = stop_});
-    Eigen::AlignedBox3d around;
-    for (const Vector3d& vertex : found.surface.vertices) around.extend(vertex);
-    if (around.sizes().minCoeff() < options_.tolerance_m) {
-      volume.empty_because = fmt::format(
-          "the range with {:.4g} % of the rays is thinner than the tolerance, around ({:.3f}, "
-          "{:.3f}, {:.3f})",
-          100 * share, centre->x(), centre->y(), centre->z());
-      return volume;
-    }
+    volume.empty_because = why_too_thin(found.surface, options_.tolerance_m, share, *centre);
+    if (!volume.empty_because.empty()) return volume;
     volume.surface = std::move(found.surface);
     volume.error_m = found.error;
     volume.is_in_parts = std::ranges::any_of(positions, [&](const Vector3d& position) {

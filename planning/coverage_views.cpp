@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planning/coverage_views.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -50,6 +52,17 @@ std::vector<double> coverage_fovs(const CoverageOptions& options) {
   if (!options.view) return options.view_fov_deg;
   const double half = options.view->width / 2.0 / options.view->intrinsics.fx;
   return {2 * std::atan(half) / kRadiansOfDegree};
+}
+
+std::string why_too_thin(const ClosedSurface& surface, double tolerance, double share,
+                         const Eigen::Vector3d& centre) {
+  Eigen::AlignedBox3d around;
+  for (const Eigen::Vector3d& vertex : surface.vertices) around.extend(vertex);
+  if (around.sizes().minCoeff() >= tolerance) return {};
+  return fmt::format(
+      "the range with {:.4g} % of the rays is thinner than the tolerance, around ({:.3f}, {:.3f}, "
+      "{:.3f})",
+      100 * share, centre.x(), centre.y(), centre.z());
 }
 
 }  // namespace raystage::planning

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 #include <vector>
 
 #include "planning/coverage_plan.h"
@@ -21,5 +22,10 @@ render::VirtualCamera coverage_view(const CoverageOptions& options, double fov_d
 
 /// Returns the horizontal fields of view whose ranges are computed, degrees.
 std::vector<double> coverage_fovs(const CoverageOptions& options);
+
+/// Returns why a range that was measured around `centre` is none: it is thinner than the tolerance,
+/// metres. Empty: it is thick enough. `share`: of the rays, 0 to 1.
+std::string why_too_thin(const ClosedSurface& surface, double tolerance, double share,
+                         const Eigen::Vector3d& centre);
 
 }  // namespace raystage::planning

@@ -190,7 +190,7 @@ TEST_F(SoftEdges, TogetherAreThePixel) {
                   .edges.empty());
 }
 
-// Where nobody sees what is behind, the pixel is the front's.
+// Where no camera sees what is behind, the pixel shows the front alone.
 TEST(CombineSurfaces, OneThatIsAloneIsWhole) {
   const depth::SurfacePair pair{0.5F, 0.2F};
   const std::array<float, 4> front{0.4F, 0.2F, 0.1F, 1}, behind{0, 0.5F, 0, 1}, nothing{};

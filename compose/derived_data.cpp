@@ -61,6 +61,12 @@ std::vector<int> ticks_read(const LightFieldLayer& light_field, int shown) {
   return read;
 }
 
+std::vector<render::VirtualCamera> shown_views_at(const PlannedFrame& frame, std::size_t layer,
+                                                  int tick) {
+  return frame.shown_views ? frame.shown_views->of(layer, tick)
+                           : std::vector<render::VirtualCamera>();
+}
+
 /// Returns the needed data without file names, ordered by the first frame that needs it.
 std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
                                               std::span<const PlannedFrame> frames) {
@@ -73,7 +79,9 @@ std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
       if (!frame.shown[layer].tick || !is_used(plan, layer, frame.frame)) continue;
       for (const int tick : ticks_read(*light_field, *frame.shown[layer].tick)) {
         const auto [at, is_new] = known.try_emplace({layer, tick}, needed.size());
-        if (is_new) needed.push_back({layer, tick, {}, false, {}});
+        if (is_new) {
+          needed.push_back({layer, tick, {}, false, {}, shown_views_at(frame, layer, tick)});
+        }
         std::vector<int>& of_instant = needed[at->second].frames;
         if (of_instant.empty() || of_instant.back() != frame.frame) {
           of_instant.push_back(frame.frame);
@@ -106,6 +114,13 @@ store::FrameSelection frames_at(const ShotPlan& plan, const DerivedFrameData& in
   return plan.light_field(instant.layer)->frames_of(instant.tick);
 }
 
+render::ReconstructionOptions reconstruction_of(const ShotPlan& plan,
+                                                const DerivedFrameData& instant) {
+  render::ReconstructionOptions how = plan.light_field(instant.layer)->reconstruction();
+  how.shown_views = instant.shown_views;
+  return how;
+}
+
 void name_files(const ShotPlan& plan, std::vector<DerivedFrameData>& instants) {
   std::map<std::size_t, std::unique_ptr<const render::LightFieldRenderer>> renderers;
   for (const DerivedFrameData& instant : instants) {
@@ -114,7 +129,7 @@ void name_files(const ShotPlan& plan, std::vector<DerivedFrameData>& instants) {
   }
   parallel_for(std::size_t{0}, instants.size(), [&](std::size_t i) {
     DerivedFrameData& instant = instants[i];
-    const render::ReconstructionOptions& how = plan.light_field(instant.layer)->reconstruction();
+    const render::ReconstructionOptions how = reconstruction_of(plan, instant);
     const auto& renderer = renderers.at(instant.layer);
     instant.file = renderer->stored_file(frames_at(plan, instant), how, storing_use(how));
     instant.is_stored = !instant.file.empty() && file_exists(instant.file);
@@ -207,7 +222,7 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
       report.failures.push_back({instant.layer, instant.tick, std::move(what), is_bad_input});
     };
     try {
-      const render::ReconstructionOptions& how = plan.light_field(instant.layer)->reconstruction();
+      const render::ReconstructionOptions how = reconstruction_of(plan, instant);
       // A renderer for each: light field frames share no decoded frames.
       const auto renderer = renderer_of(plan, instant.layer, share, share);
       const CancellationScope cancellation(stop);

@@ -90,13 +90,18 @@ double mesh_motion(const ExposureViews& views, const GeometryLayer& mesh, int fr
 
 }  // namespace
 
-std::vector<double> exposure_offsets(const ShotPlan& plan, int frame) {
+double exposure_end(const ShotPlan& plan, int frame) {
+  if (plan.shot().output.motion_samples <= 1) return 0;
   const double shutter_deg = plan.shot_camera().state(frame).shutter_deg.value_or(0);
-  const auto half_steps = static_cast<int>(std::lround(kOffsetsPerFrame * shutter_deg / 720));
+  return std::round(kOffsetsPerFrame * shutter_deg / 720) / kOffsetsPerFrame;
+}
+
+std::vector<double> exposure_offsets(const ShotPlan& plan, int frame) {
+  const double half = exposure_end(plan, frame);
+  const auto half_steps = static_cast<int>(std::lround(half * kOffsetsPerFrame));
   const int most_intervals = static_cast<int>(std::bit_floor(
       static_cast<unsigned>(std::min(plan.shot().output.motion_samples - 1, 2 * half_steps))));
   if (half_steps < 1 || most_intervals < 2) return {};
-  const double half = static_cast<double>(half_steps) / kOffsetsPerFrame;
   double nearest = std::numeric_limits<double>::infinity(), moved = 0;
   bool moves_unseen = false;
   for (const LightFieldLayer* layer : plan.light_fields()) {

@@ -14,4 +14,8 @@ namespace raystage::compose {
 /// Empty: the camera states no shutter angle, or nothing moves. Multiples of 1 / kOffsetsPerFrame.
 std::vector<double> exposure_offsets(const ShotPlan& plan, int frame);
 
+/// Returns the offset from a frame, in frames, at which the shutter closes; 0: there is no motion
+/// blur. Depends on the camera alone, unlike exposure_offsets().
+double exposure_end(const ShotPlan& plan, int frame);
+
 }  // namespace raystage::compose

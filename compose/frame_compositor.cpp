@@ -59,7 +59,8 @@ LayerView FrameCompositor::layer_view(std::size_t layer, const PlannedFrame& fra
           object_ids,
           frame.preview,
           geometry.record ? &geometry.record->rotten_cameras : nullptr,
-          frame.offset};
+          frame.offset,
+          frame.views_shown(layer)};
 }
 
 FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame& frame,

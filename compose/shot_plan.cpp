@@ -322,14 +322,18 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
         .concerning({"missing"});
   }
   if (blur == MotionBlur::kNone) return planned;
-  for (PlannedFrame& one : planned) one.exposure = exposure_offsets(*this, one.frame);
+  const auto shown_views = std::make_shared<const ShownViews>(*this, policy);
+  for (PlannedFrame& one : planned) {
+    one.exposure = exposure_offsets(*this, one.frame);
+    one.shown_views = shown_views;
+  }
   return planned;
 }
 
 std::vector<PlannedFrame> ShotPlan::exposure_of(const PlannedFrame& frame) const {
   std::vector<PlannedFrame> samples;
   for (const double offset : frame.exposure) {
-    PlannedFrame sample{frame.frame, frame.shown, frame.preview, offset, {}};
+    PlannedFrame sample{frame.frame, frame.shown, frame.preview, offset, {}, frame.shown_views};
     for (const LightFieldLayer* take : light_fields()) {
       ShownTick& shown = sample.shown[take->index()];
       if (offset != 0) shown = take->shown_tick_in_exposure(frame.frame, offset, shown);

@@ -19,6 +19,7 @@
 #include "compose/layers/layer.h"
 #include "compose/layers/light_field_layer.h"
 #include "compose/shot_color_spaces.h"
+#include "compose/shown_views.h"
 #include "render/distributed_rendering.h"
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
@@ -27,7 +28,7 @@
 namespace raystage::compose {
 
 /// Raised whenever the same inputs give other pixels, so that existing files count as out of date.
-inline constexpr int kReconstructionVersion = 11;
+inline constexpr int kReconstructionVersion = 12;
 
 /// A frame of the shot, or a time within its exposure, with the instants that it shows.
 struct PlannedFrame {
@@ -38,11 +39,20 @@ struct PlannedFrame {
   /// Of 2^n + 1 times from the opening of the shutter to its closing, frames from the frame; empty:
   /// no motion blur.
   std::vector<double> exposure = {};
+  /// Of all frames of the shot; null: any view may be shown. Refers to the plan.
+  std::shared_ptr<const ShownViews> shown_views = nullptr;
+
+  /// Returns the views that the shot shows of the layer's light field frame; see ShownViews.
+  std::vector<render::VirtualCamera> views_shown(std::size_t layer) const {
+    if (!shown_views || !shown[layer].tick) return {};
+    return shown_views->of(layer, *shown[layer].tick);
+  }
 
   double time() const { return frame + offset; }  ///< frames
 };
 
-/// Whether frames are averaged while the shutter is open.
+/// Whether frames are averaged while the shutter is open. kNone also allows other views than the
+/// shot's, as a viewer shows them: PlannedFrame::shown_views is null.
 enum class MotionBlur { kOfShot, kNone };
 
 /// Settings that replace or extend those of the shot.

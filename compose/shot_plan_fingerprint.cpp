@@ -79,6 +79,18 @@ void add_camera(const ExrCamera& camera, Fingerprint& print) {
   }
 }
 
+/// Adds the views for which a layer's data is derived, of which frames nearby may show others.
+void add_shown_views(const PlannedFrame& frame, std::size_t layer, Fingerprint& print) {
+  for (const render::VirtualCamera& view : frame.views_shown(layer)) {
+    for (const double value : view.pose.world_from_camera_rotation.reshaped()) {
+      print.number("shown", value);
+    }
+    for (const double value : view.pose.position) print.number("shown", value);
+    const schemas::Intrinsics& k = view.intrinsics;
+    for (const double value : {k.fx, k.fy, k.cx, k.cy}) print.number("shown", value);
+  }
+}
+
 }  // namespace
 
 void ShotPlan::add_exposure_sample(const PlannedFrame& sample, Fingerprint& print) const {
@@ -114,6 +126,7 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
     add_layer(shot_.layers[i], print);
     for (const std::string& name : object_names_[i]) print.text("object", name);
     if (layers_[i]) layers_[i]->add_to_fingerprint(print, frame.frame, frame.shown[i]);
+    add_shown_views(frame, i, print);
     if (writes_aov("motion") && geometry(i) != nullptr) {
       for (const ObjectMotion& moved : geometry(i)->motion_at(frame.frame)) {
         for (const Eigen::Affine3d* side : {&moved.before_from_now, &moved.after_from_now}) {
@@ -124,7 +137,12 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
     shows_geometry = shows_geometry || geometry(i) != nullptr;
   }
   if (shows_geometry) print.text("lights", lights_fingerprint_);
-  for (const PlannedFrame& sample : exposure_of(frame)) add_exposure_sample(sample, print);
+  for (const PlannedFrame& sample : exposure_of(frame)) {
+    add_exposure_sample(sample, print);
+    for (std::size_t i = 0; i < layers(); ++i) {
+      if (sample.shown[i].tick != frame.shown[i].tick) add_shown_views(sample, i, print);
+    }
+  }
   return print.hex();
 }
 

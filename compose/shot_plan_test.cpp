@@ -45,6 +45,84 @@ TEST_F(ShotPlans, AFrameThatLooksBesideDependsOnTheTicksThere) {
   EXPECT_EQ(beside_now[2], beside[2]);
 }
 
+/// The views that each frame of the whole shot states for its light field frame.
+std::vector<std::size_t> views_stated(const ShotPlan& plan, std::span<const int> frames) {
+  std::vector<std::size_t> counts;
+  for (const PlannedFrame& frame : plan.plan(frames, MissingFrames::kHold)) {
+    counts.push_back(frame.views_shown(0).size());
+  }
+  return counts;
+}
+
+TEST_F(ShotPlans, StatesTheViewsThatAMovingTakeShows) {
+  shot_.layers.front().method = "depth";
+  const auto stated = [&] {
+    schemas::write_shot(shot_, shot_file());
+    return views_stated(ShotPlan(shot_file()), std::array{101, 103, 105});
+  };
+  EXPECT_THAT(stated(), ElementsAre(1, 1, 1));
+  shot_.layers.front().speed = 0.5;  // two frames of the shot for each tick
+  EXPECT_THAT(stated(), ElementsAre(2, 2, 2)) << "also of frames that are not asked for";
+  shot_.layers.front().speed = 0;
+  EXPECT_THAT(stated(), ElementsAre(0, 0, 0)) << "any view may be shown of a time that stands";
+  shot_.layers.front().speed = 1;
+  shot_.camera.stereo = schemas::ShotDocument::Stereo{};
+  EXPECT_THAT(stated(), ElementsAre(2, 2, 2));
+  shot_.camera.stereo.reset();
+  for (const char* option : {"temporal", "all_cameras"}) {
+    shot_.layers.front().options = {{option, true}};
+    EXPECT_THAT(stated(), ElementsAre(0, 0, 0)) << option;
+  }
+  shot_.layers.front().options.clear();
+  shot_.layers.front().method = "plane_sweep";
+  EXPECT_THAT(stated(), ElementsAre(0, 0, 0)) << "its views do not depend on others";
+}
+
+TEST_F(ShotPlans, AFrameDependsOnTheViewsOfItsLightFieldFrame) {
+  shot_.layers.front().method = "depth";
+  shot_.layers.front().speed = 0.5;
+  const auto prints = [&] {
+    schemas::write_shot(shot_, shot_file());
+    const ShotPlan plan(shot_file());
+    std::vector<std::string> found;
+    for (const PlannedFrame& frame : plan.plan(std::array{101, 104}, MissingFrames::kHold)) {
+      found.push_back(plan.fingerprint(frame, false));
+    }
+    return found;
+  };
+  shot_.camera.keys = {testing::camera_key(101, {0.03, -0.03, 0}, 40),
+                       testing::camera_key(102, {0.03, -0.03, 0}, 40),
+                       testing::camera_key(103, {0.04, -0.03, 0}, 40)};
+  const auto before = prints();
+  shot_.camera.keys[1] = testing::camera_key(102, {0.035, -0.03, 0}, 40);
+  const auto after = prints();
+  EXPECT_NE(after[0], before[0]) << "frame 102 shows the tick of 101 from elsewhere";
+  EXPECT_EQ(after[1], before[1]);
+}
+
+TEST_F(ShotPlans, ShowAllViewsWhileTheShutterIsOpen) {
+  shot_.layers.front().method = "depth";
+  for (auto& key : shot_.camera.keys) key.shutter_deg = 180;
+  shot_.camera.keys.back().position = {{0.14, -0.03, 0}};
+  for (const bool exact : {false, true}) {
+    using Time = schemas::ShotDocument::Layer::Time;
+    shot_.layers.front().time = exact ? Time::kExact : Time::kTick;
+    schemas::write_shot(shot_, shot_file());
+    const ShotPlan plan(shot_file());
+    const PlannedFrame frame = plan.plan(std::array{103}, MissingFrames::kHold).front();
+    const std::vector<PlannedFrame> samples = plan.exposure_of(frame);
+    ASSERT_GE(samples.size(), 3U);
+    for (const PlannedFrame& sample : samples) {
+      const double x = plan.camera(sample.time(), Eye::kBoth).pose.position.x();
+      double nearest = 1;
+      for (const render::VirtualCamera& view : sample.views_shown(0)) {
+        nearest = std::min(nearest, std::abs(view.pose.position.x() - x));
+      }
+      EXPECT_LT(nearest, 1e-3) << "at " << sample.offset << ", exact " << exact;
+    }
+  }
+}
+
 /// `evaluate` and `bench` use the same settings as `render`.
 TEST_F(ShotPlans, EvaluationsShowTheInstantsThatAShotShows) {
   shot_.layers[0].start_seconds = -0.13;

@@ -185,6 +185,20 @@ void read_ahead(const store::Take& take, const std::vector<EvaluationCase>& subj
   [[maybe_unused]] volatile const std::uint64_t read = sum;  // or the compiler removes the reads
 }
 
+/// Returns all views of the case's light field frame, as a moving shot shows them; none if there
+/// are many.
+std::vector<render::VirtualCamera> shown_views_of(const EvaluationCase& subject,
+                                                  const std::vector<EvaluationCase>& subjects) {
+  std::vector<render::VirtualCamera> views;
+  for (const EvaluationCase& other : subjects) {
+    const bool is_same = other.frames.time_ns == subject.frames.time_ns &&
+                         other.frames.frame == subject.frames.frame;
+    if (is_same) views.push_back(other.camera);
+  }
+  if (views.size() > render::kMostFramesOfShownViews) views.clear();
+  return views;
+}
+
 class TimedView {
  public:
   TimedView(const store::Take& take, const render::RendererOptions& settings,
@@ -352,7 +366,9 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     }
     ViewEvaluation result;
     result.id = subject.id;
-    const TimedView timed(take, renderer_options, subject, reconstruction);
+    render::ReconstructionOptions of_view = reconstruction;
+    of_view.shown_views = shown_views_of(subject, subjects);
+    const TimedView timed(take, renderer_options, subject, of_view);
     const render::RenderedView view = timed.render(settings.repeat, result);
     if (settings.count_needed_pixels) result.decoded_per_needed = timed.decoded_per_needed(view);
     const store::RgbImage image = render::srgb_image(view);

@@ -244,6 +244,11 @@ TEST_F(DistributedViews, EqualItWithDepthsWhereMemoryIsShortAndCamerasHaveNoFram
   expect_all_same("depth", {});
 }
 
+TEST_F(DistributedViews, EqualItWithDepthsOfWhatIsShownOnly) {
+  instant_.shown_views = {view_};
+  expect_all_same("depth", {});
+}
+
 TEST_F(DistributedViews, EqualItWhereEdgesShowTwoSurfaces) {
   open("steps", testing::step_scene);
   const Method& method = method_named("depth");

@@ -118,8 +118,11 @@ struct LightFieldRenderer::State {
   }
 
   /// Returns the light field frame, without topologies where no camera is present.
-  LightFieldFrame instant(const store::FrameSelection& frames, Frames which = Frames::kAll) {
+  LightFieldFrame instant(const store::FrameSelection& frames,
+                          const std::vector<VirtualCamera>& shown_views = {},
+                          Frames which = Frames::kAll) {
     LightFieldFrame instant;
+    instant.shown_views = shown_views;
     instant.take = &take;
     instant.time_ns = frames.time_ns;
     instant.rig = &take.rig();
@@ -152,15 +155,16 @@ struct LightFieldRenderer::State {
   /// Returns work(instant). Where that reads a rotten frame, it is done again without such frames;
   /// without any frame left it throws.
   template <class Work>
-  auto with_intact_frames(const store::FrameSelection& frames, bool reads_adjacent_frames,
+  auto with_intact_frames(const store::FrameSelection& frames,
+                          const std::vector<VirtualCamera>& shown_views, bool reads_adjacent_frames,
                           const Work& work) {
     LightFieldFrame intact;
     try {
-      return work(instant(frames));
+      return work(instant(frames, shown_views));
     } catch (const store::RottenFrame&) {
       if (settings.rotten_frames == store::RottenFrames::kError || settings.hosts) throw;
-      intact =
-          instant(frames, reads_adjacent_frames ? Frames::kIntactWithAdjacent : Frames::kIntact);
+      intact = instant(frames, shown_views,
+                       reads_adjacent_frames ? Frames::kIntactWithAdjacent : Frames::kIntact);
       if (!intact.present) throw;
     }
     return work(intact);
@@ -204,6 +208,7 @@ struct LightFieldRenderer::State {
     DistributedViewRequest asked{request.view,
                                  {},
                                  request.instant.adjacent_frames,
+                                 request.instant.shown_views,
                                  reconstruction.method,
                                  reconstruction.options,
                                  reconstruction.focal_plane,
@@ -335,6 +340,11 @@ ChosenMethod storing(const ReconstructionOptions& reconstruction, QueryKind as) 
   return as == QueryKind::kViews ? chosen_by(reconstruction) : chosen_for_rays(reconstruction);
 }
 
+/// Returns the views for which data is stored; rays may pass anywhere.
+std::vector<VirtualCamera> views_shown(const ReconstructionOptions& reconstruction, QueryKind as) {
+  return as == QueryKind::kViews ? reconstruction.shown_views : std::vector<VirtualCamera>();
+}
+
 }  // namespace
 
 void check_ray_query_support(const ReconstructionOptions& reconstruction) {
@@ -373,11 +383,12 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view,
         .concerning({"coverage"});
   }
   const bool reads_adjacent = chosen.method.reads_adjacent_frames(chosen.options);
-  return state_->with_intact_frames(frames, reads_adjacent, [&](const LightFieldFrame& instant) {
-    RenderedView image = render_instant(view, instant, reconstruction);
-    image.rotten_cameras = instant.rotten_cameras;
-    return image;
-  });
+  return state_->with_intact_frames(
+      frames, reconstruction.shown_views, reads_adjacent, [&](const LightFieldFrame& instant) {
+        RenderedView image = render_instant(view, instant, reconstruction);
+        image.rotten_cameras = instant.rotten_cameras;
+        return image;
+      });
 }
 
 RenderedView LightFieldRenderer::render_instant(const VirtualCamera& view,
@@ -465,6 +476,7 @@ Contribution LightFieldRenderer::contribute(const DistributedViewRequest& view,
   const MethodOptions options(method.options(), view.options, "method " + view.method);
   LightFieldFrame instant = state_->instant(view.frames);
   instant.adjacent_frames = view.adjacent_frames;
+  instant.shown_views = view.shown_views;
   instant.rank_of_camera = state_->settings.rank_of_camera;
   instant.this_rank = state_->settings.this_rank;
   if (!instant.present) throw std::logic_error("a view without cameras");
@@ -501,21 +513,22 @@ std::vector<int> LightFieldRenderer::query(std::span<const WorldRay> rays,
   const Method& method = chosen.method;
   const MethodOptions& options = chosen.options;
   const bool reads_adjacent = method.reads_adjacent_frames(options);
-  return state_->with_intact_frames(frames, reads_adjacent, [&](const LightFieldFrame& instant) {
-    std::fill(samples.begin(), samples.end(), RaySample{});
-    if (!instant.present) return instant.rotten_cameras;
-    const RaySurface surface =
-        method.surface({options, instant, reconstruction.focal_plane, *state_->result_cache,
-                        state_->settings.working_bytes, state_->settings.use_take_folder,
-                        state_->settings.reference});
-    const RayWeightOptions weighing =
-        ray_weight_options(method.has_ray_weights() ? options
-                                                    : MethodOptions(lumigraph_method().options(),
-                                                                    {}, "method lumigraph"));
-    const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
-    answer(rays, instant, surface, weighing, samples);
-    return instant.rotten_cameras;
-  });
+  return state_->with_intact_frames(
+      frames, {}, reads_adjacent, [&](const LightFieldFrame& instant) {
+        std::fill(samples.begin(), samples.end(), RaySample{});
+        if (!instant.present) return instant.rotten_cameras;
+        const RaySurface surface =
+            method.surface({options, instant, reconstruction.focal_plane, *state_->result_cache,
+                            state_->settings.working_bytes, state_->settings.use_take_folder,
+                            state_->settings.reference});
+        const RayWeightOptions weighing = ray_weight_options(
+            method.has_ray_weights()
+                ? options
+                : MethodOptions(lumigraph_method().options(), {}, "method lumigraph"));
+        const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
+        answer(rays, instant, surface, weighing, samples);
+        return instant.rotten_cameras;
+      });
 }
 
 std::filesystem::path LightFieldRenderer::stored_file(const store::FrameSelection& frames,
@@ -525,10 +538,12 @@ std::filesystem::path LightFieldRenderer::stored_file(const store::FrameSelectio
   const ChosenMethod chosen = storing(reconstruction, as);
   const bool reads_adjacent = chosen.method.reads_adjacent_frames(chosen.options);
   try {
-    return state_->with_intact_frames(frames, reads_adjacent, [&](const LightFieldFrame& instant) {
-      return instant.present ? chosen.method.stored_file(chosen.options, instant)
-                             : std::filesystem::path();
-    });
+    return state_->with_intact_frames(frames, views_shown(reconstruction, as), reads_adjacent,
+                                      [&](const LightFieldFrame& instant) {
+                                        return instant.present ? chosen.method.stored_file(
+                                                                     chosen.options, instant)
+                                                               : std::filesystem::path();
+                                      });
   } catch (const store::RottenFrame&) {
     return {};  // nothing can be derived; rendering such an instant fails
   }
@@ -540,9 +555,10 @@ StoreResult LightFieldRenderer::store(const store::FrameSelection& frames,
   if (stored_file(frames, reconstruction, as).empty()) return {};
   const ChosenMethod chosen = storing(reconstruction, as);
   const bool reads_adjacent = chosen.method.reads_adjacent_frames(chosen.options);
-  return state_->with_intact_frames(frames, reads_adjacent, [&](const LightFieldFrame& instant) {
-    return chosen.method.store(chosen.options, instant, state_->settings.working_bytes);
-  });
+  return state_->with_intact_frames(
+      frames, views_shown(reconstruction, as), reads_adjacent, [&](const LightFieldFrame& instant) {
+        return chosen.method.store(chosen.options, instant, state_->settings.working_bytes);
+      });
 }
 
 void LightFieldRenderer::read_ahead(const store::FrameSelection& frames) const {

@@ -24,6 +24,10 @@
 
 namespace raystage::render {
 
+/// The most frames of a shot that may show one light field frame for its views to be stated as
+/// ReconstructionOptions::shown_views. If more do, time stands still: any view may be shown next.
+inline constexpr std::size_t kMostFramesOfShownViews = 4;
+
 /// Selects how rays are reconstructed.
 struct ReconstructionOptions {
   std::string method = "focal_plane";  ///< see methods()
@@ -32,7 +36,8 @@ struct ReconstructionOptions {
   Eigen::Vector4d focal_plane{0, 0, 0, 1};
   schemas::OptionValues options = {};  ///< of the method, by name; see Method::options()
   schemas::HoleFill fill = schemas::HoleFill::kNone;
-  int max_supersampling = 64;  ///< as RendererOptions, the lower one counts; 1: for previews
+    int max_supersampling = 64;  ///< as RendererOptions, the lower one counts; 1: for previews
+  std::vector<VirtualCamera> shown_views = {};  ///< as LightFieldFrame
 };
 
 struct RendererOptions {

@@ -156,6 +156,7 @@ class TakeRenderer final : public LayerRenderer {
         is_preview ? layer_.preview_reconstruction(view.preview.method, view.camera, view.time())
                    : layer_.reconstruction_for(view.camera, view.time());
     how.max_supersampling = view.preview.max_supersampling;
+    if (!is_preview) how.shown_views = view.shown_views;
     render::RenderedView rendered =
         renderer_.render(camera, layer_.frames_of(*view.shown.tick), how);
     collect(rendered.rotten_cameras, view.rotten_cameras);
@@ -308,6 +309,10 @@ std::optional<schemas::DepthRange> LightFieldLayer::depth_range() const {
 
 bool LightFieldLayer::reads_adjacent_frames() const {
   return method().reads_adjacent_frames(method_options());
+}
+
+bool LightFieldLayer::depends_on_shown_views() const {
+  return method().depends_on_shown_views(method_options());
 }
 
 render::ReconstructionOptions LightFieldLayer::reconstruction_for(const ExrCamera& camera,

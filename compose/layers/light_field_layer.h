@@ -48,6 +48,8 @@ class LightFieldLayer final : public Layer {
   const render::Method& method() const;
   render::MethodOptions method_options() const;  ///< of `reconstruction`, with defaults
   bool reads_adjacent_frames() const;            ///< see Method
+  /// Returns Method::depends_on_shown_views().
+  bool depends_on_shown_views() const;
   /// Returns the depth range of the scene: that of the method's options, else the take's.
   std::optional<schemas::DepthRange> depth_range() const;
   /// Returns the settings at a frame. If the focal plane follows the camera, it is at the camera's
@@ -80,6 +82,9 @@ class LightFieldLayer final : public Layer {
   /// from a frame, a multiple of 1 / kOffsetsPerFrame; `of_frame`, what the frame shows, with
   /// ticks, or if the take has no such time.
   ShownTick shown_tick_in_exposure(int frame, double offset, const ShownTick& of_frame) const;
+  /// Returns the time within the shot, frames, of an exact time within an exposure; nullopt: the
+  /// tick is another one.
+  std::optional<double> time_in_exposure(int tick) const;
   /// Returns whether pictures of times between two fractional frames may differ.
   bool moves_between(double first, double last) const;
 

@@ -70,13 +70,17 @@ std::optional<int> LightFieldLayer::exact_tick_at(double frame) const {
   return kFirstInExposure + static_cast<int>(std::lround(steps));
 }
 
+std::optional<double> LightFieldLayer::time_in_exposure(int tick) const {
+  if (tick < kFirstInExposure) return std::nullopt;
+  const double steps = tick - kFirstInExposure;
+  return first_frame_ - kFramesBefore + steps / kOffsetsPerFrame;
+}
+
 store::FrameSelection LightFieldLayer::frames_of(int tick) const {
   const auto ticks = static_cast<int>(timeline_.ticks.size());
   if (tick < ticks) return timeline_.ticks[tick];
-  if (tick >= kFirstInExposure) {
-    const double steps = tick - kFirstInExposure;
-    return store::frames_at_time(
-        timeline_, take_time(first_frame_ - kFramesBefore + steps / kOffsetsPerFrame));
+  if (const auto time = time_in_exposure(tick)) {
+    return store::frames_at_time(timeline_, take_time(*time));
   }
   return store::frames_at_time(timeline_, take_time(first_frame_ + tick - ticks));
 }

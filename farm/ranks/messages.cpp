@@ -185,11 +185,14 @@ std::vector<store::FrameSelection::Second> interpolated_from(const Json& json,
 
 Json json_of(const render::DistributedViewRequest& view) {
   const Eigen::Vector4d& plane = view.focal_plane;
+  Json shown_views = Json::array();
+  for (const render::VirtualCamera& shown : view.shown_views) shown_views.push_back(json_of(shown));
   return {{"view", json_of(view.view)},
           {"time", view.frames.time_ns},
           {"frames", view.frames.frame},
           {"interpolated", interpolated_as_json(view.frames)},
           {"frames beside", view.adjacent_frames},
+          {"shown views", shown_views},
           {"method", view.method},
           {"options", json_of(view.options)},
           {"plane", {plane[0], plane[1], plane[2], plane[3]}},
@@ -207,6 +210,7 @@ render::DistributedViewRequest distributed_view_request_from(const Json& json) {
   view.frames.difference.assign(view.frames.frame.size(), 0);
   view.frames.second = interpolated_from(json.at("interpolated"), view.frames.frame.size());
   view.adjacent_frames = value_of<std::vector<std::vector<int>>>(json.at("frames beside"));
+  for (const Json& shown : json.at("shown views")) view.shown_views.push_back(view_from(shown));
   view.method = value_of<std::string>(json.at("method"));
   view.options = options_from(json.at("options"));
   const auto plane = value_of<std::array<double, 4>>(json.at("plane"));

@@ -147,6 +147,7 @@ class AutomaticMethod final : public Method {
   bool may_use_focal_plane() const override { return true; }
   bool tells_surfaces_apart() const override { return true; }
   bool chooses_by_measuring() const override { return true; }
+  bool depends_on_shown_views(const MethodOptions&) const override { return true; }
 };
 
 }  // namespace

@@ -60,11 +60,11 @@ class Solver {
       members_.push_back(static_cast<int>(i));
       pixels.push_back(pixels_of(depths_.pinholes[i]));
     }
-    initial_pass_ = {positions_read(options.neighbours), true, false};
-    fusion_pass_ = {initial_pass_.reads, true, true};
-    refinement_pass_ = {positions_read(options.support_views), true, true};
-    is_read_here_.assign(members_.size(), group_ == nullptr);
-    for (const EstimationPass* pass : {&initial_pass_, &refinement_pass_}) {
+    initial_pass_ = {positions_read(options.neighbours, Partners::kAll), true, false};
+    fusion_pass_ = {positions_read(options.neighbours, Partners::kEstimated), true, true};
+    refinement_pass_ = {positions_read(options.support_views, Partners::kEstimated), true, true};
+    is_read_here_.assign(members_.size(), false);
+    for (const EstimationPass* pass : {&initial_pass_, &fusion_pass_, &refinement_pass_}) {
       for (std::size_t i = 0; i < members_.size(); ++i) {
         if (!is_solved(i)) continue;
         is_read_here_[i] = true;
@@ -107,13 +107,26 @@ class Solver {
   InverseDepthRange range(int camera) const {
     return inverse_depth_range_in_view(pinhole(camera), *instant_.rig, options_.scene);
   }
-  std::vector<int> neighbours(int camera, int count) const {
-    return depth_neighbours(depths_, instant_, camera, range(camera), count);
+  bool is_estimated(int camera) const { return has_region(options_.regions, camera); }
+
+  /// Whether other cameras are read for their pictures, or for their depths, too.
+  enum class Partners { kAll, kEstimated };
+
+  std::vector<int> neighbours(int camera, int count, Partners partners) const {
+    if (partners == Partners::kAll) {
+      return depth_neighbours(depths_, instant_, camera, range(camera), count);
+    }
+    std::vector<int> nearest = depth_neighbours(depths_, instant_, camera, range(camera),
+                                                static_cast<int>(members_.size()));
+    std::erase_if(nearest, [&](int other) { return !is_estimated(other); });
+    nearest.resize(std::min(nearest.size(), static_cast<std::size_t>(count)));
+    return nearest;
   }
 
   /// Returns whether this host estimates the depths of a member.
   bool is_solved(std::size_t member) const {
-    return group_ == nullptr || instant_.is_local(members_[member]);
+    const int camera = members_[member];
+    return is_estimated(camera) && (group_ == nullptr || instant_.is_local(camera));
   }
 
   int host_of(std::size_t member) const { return instant_.rank_of_camera[members_[member]]; }
@@ -162,11 +175,12 @@ class Solver {
     }
   }
 
-  std::vector<std::vector<std::size_t>> positions_read(int count) const {
+  std::vector<std::vector<std::size_t>> positions_read(int count, Partners partners) const {
     std::vector<std::vector<std::size_t>> reads;
     for (const int camera : members_) {
       reads.emplace_back();
-      for (const int other : neighbours(camera, count)) {
+      if (!is_estimated(camera)) continue;
+      for (const int other : neighbours(camera, count, partners)) {
         reads.back().push_back(
             static_cast<std::size_t>(std::ranges::lower_bound(members_, other) - members_.begin()));
       }
@@ -191,6 +205,7 @@ class Solver {
     constexpr std::size_t kTile = 4 * kDepthTile * kDepthTile;
     CameraMemory most;
     for (const int camera : members_) {
+      if (!is_estimated(camera)) continue;
       const std::size_t pixels = pixels_of(pinhole(camera));
       const auto hypotheses = static_cast<std::size_t>(options_.neighbours) + 1;
       const std::size_t fuse =
@@ -210,7 +225,7 @@ class Solver {
     std::size_t most = camera_bytes().minimum;
     for (const int camera : members_) {
       const matching::CostVolume volume = volume_of(camera);
-      if (volume.planes <= 1) continue;
+      if (!is_estimated(camera) || volume.planes <= 1) continue;
       constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
       most = std::max(most, kSweepBytes * pixels_of(pinhole(camera)) +
                                 matching::semi_global_bytes(volume, kAll));
@@ -273,9 +288,9 @@ class Solver {
                                     instant_.rig->cameras[camera], depths_.pinholes[camera]);
   }
 
-  std::vector<NeighbourView> neighbour_views(int camera, int count) const {
+  std::vector<NeighbourView> neighbour_views(int camera, int count, Partners partners) const {
     std::vector<NeighbourView> found;
-    for (const int other : neighbours(camera, count)) {
+    for (const int other : neighbours(camera, count, partners)) {
       found.push_back(
           {pixel_transfer(pinhole(other), pinhole(camera)), &image(other), &map(other)});
     }
@@ -294,7 +309,8 @@ class Solver {
       }
       return guess;
     }
-    const std::vector<NeighbourView> with = neighbour_views(camera, options_.neighbours);
+    const std::vector<NeighbourView> with =
+        neighbour_views(camera, options_.neighbours, Partners::kAll);
     const matching::CostVolume volume{from.width, from.height, planes.count};
     matching::SemiGlobalOptions matching;
     matching.p1 = depth_estimation::kSmallJumpPenalty;
@@ -336,13 +352,14 @@ class Solver {
     const VirtualCamera& view = pinhole(camera);
     std::vector<DepthHypotheses> hypotheses{
         {&map(camera), &view, uniform_weights(view, depth_estimation::kOwnHypothesisWeight)}};
-    for (const int other : neighbours(camera, options_.neighbours)) {
+    for (const int other : neighbours(camera, options_.neighbours, Partners::kEstimated)) {
       hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
     return reduce_foreground_fattening(
         fuse_hypotheses(view, hypotheses, {tolerance(), depth_estimation::kMinSupport}),
-        image(camera), neighbour_views(camera, options_.neighbours),
-        depths_.inverse_depth_per_pixel);
+        image(camera), neighbour_views(camera, options_.neighbours, Partners::kEstimated),
+        depths_.inverse_depth_per_pixel,
+        fattening_reach(instant_.rig->cameras[camera].model.width()));
   }
 
   EdgeWeights links(const InverseDepthMap& depths, const MatchingImage& picture) const {
@@ -376,7 +393,8 @@ class Solver {
     const EdgeWeights linked = links(map(camera), picture);
     InverseDepthMap smooth = map(camera);
     domain_transform_filter(smooth.values, 1, smooth.width, smooth.height, linked);
-    const std::vector<NeighbourView> with = neighbour_views(camera, options_.support_views);
+    const std::vector<NeighbourView> with =
+        neighbour_views(camera, options_.support_views, Partners::kEstimated);
     const double step = options_.refine_px * depths_.inverse_depth_per_pixel;
     std::vector<float> costs(smooth.values.size() * kRefineOffsetStride);
     raystage::parallel_for(0, smooth.height, [&](int y) {

@@ -9,6 +9,7 @@
 #include "render/common/blending_field.h"
 #include "render/common/light_field_frame.h"
 #include "render/common/rank_communicator.h"
+#include "render/depth/estimation_regions.h"
 #include "render/depth/inverse_depth_map.h"
 #include "schemas/geometry.h"
 
@@ -23,6 +24,7 @@ struct DepthEstimationOptions {
   int support_views = 12;     ///< cameras that refine a depth
   double refine_px = 0.2;     ///< step between the kRefineOffsets depths
   double tolerance_px = 1;    ///< largest difference of two cameras' depths of a point
+  EstimationRegions regions;  ///< pixels whose depths are estimated
   bool is_valid(std::string* reason) const;
 };
 
@@ -53,8 +55,10 @@ struct InitialSweepPlanes {
 
 /// Inverse depth maps of all cameras that have a frame in a light field frame.
 struct CameraDepths {
-  std::vector<VirtualCamera> pinholes;  ///< by camera of the rig; see undistorted()
-  std::vector<InverseDepthMap> maps;    ///< empty where there is no frame
+  /// By camera of the rig; see undistorted(). Those of DepthEstimationOptions::regions.
+  std::vector<VirtualCamera> pinholes;
+  /// Empty where there is no frame, or no region.
+  std::vector<InverseDepthMap> maps;
   /// The inverse depth, 1/m, that moves a point by one pixel between neighbouring cameras (median
   /// over the rig). It is 0 if no two cameras see the same from different positions.
   double inverse_depth_per_pixel = 0;

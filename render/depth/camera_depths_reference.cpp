@@ -61,7 +61,9 @@ Picture picture_of(const store::DecodedFrame& frame, store::BlendSpace space,
     red.values[i] = std::clamp(std::floor((code(4 * i) - y) / 2 + 128.5), 0.0, 255.0);
     blue.values[i] = std::clamp(std::floor((code(4 * i + 2) - y) / 2 + 128.5), 0.0, 255.0);
   }
-  if (!model.has_distortion()) return {luma, blue, red};
+  if (!model.has_distortion() && pinhole.width == frame.width && pinhole.height == frame.height) {
+    return {luma, blue, red};
+  }
   const Plane unknown(pinhole.width, pinhole.height, -1);
   Picture straight{unknown, unknown, unknown};
   const schemas::Intrinsics& k = pinhole.intrinsics;
@@ -131,17 +133,27 @@ class Reference {
   void for_each_camera(const Make& make) {
     std::vector<InverseDepthMap> made(depths_.maps.size());
     for (std::size_t i = 0; i < made.size(); ++i) {
-      if (instant_.is_present(static_cast<int>(i))) made[i] = make(static_cast<int>(i));
+      const int camera = static_cast<int>(i);
+      if (instant_.is_present(camera) && is_estimated(camera)) made[i] = make(camera);
     }
     depths_.maps = made;
   }
   const VirtualCamera& pinhole(int camera) const { return depths_.pinholes[camera]; }
   const Picture& picture(int camera) const { return pictures_[camera]; }
   const InverseDepthMap& map(int camera) const { return depths_.maps[camera]; }
+  bool is_estimated(int camera) const { return has_region(options_.regions, camera); }
   std::vector<int> neighbours(int camera, int count) const {
     const InverseDepthRange range =
         inverse_depth_range_in_view(pinhole(camera), *instant_.rig, options_.scene);
     return depth_neighbours(depths_, instant_, camera, range, count);
+  }
+  /// Returns the nearest cameras that have depths.
+  std::vector<int> estimated_neighbours(int camera, int count) const {
+    std::vector<int> found;
+    for (const int other : neighbours(camera, static_cast<int>(depths_.maps.size()))) {
+      if (is_estimated(other) && std::ssize(found) < count) found.push_back(other);
+    }
+    return found;
   }
 
   InverseDepthMap first_guess(int camera) const {
@@ -188,11 +200,11 @@ class Reference {
   /// Returns the mean of the smaller half of the differences to the neighbours, codes, or nullopt
   /// if none sees the point.
   std::optional<double> luma_difference(
-      int camera, int x, int y, double depth,
+      int camera, int x, int y, double depth, std::span<const int> others,
       double truncation = std::numeric_limits<double>::infinity()) const {
     const Picture& own = picture(camera);
     std::vector<double> differences;
-    for (const int other : neighbours(camera, options_.neighbours)) {
+    for (const int other : others) {
       const auto at = place_of(pinhole(other), pinhole(camera), x, y, depth);
       if (!at || !own.shows_pixel(x, y) || !picture(other).shows(at->u, at->v)) continue;
       const double off = bilinear(picture(other).luma, at->u, at->v) - own.luma.at(x, y);
@@ -209,7 +221,8 @@ class Reference {
   /// Returns the cost of match_row(), or nullopt if no neighbour sees the point.
   std::optional<double> guess_cost(int camera, int x, int y, double depth) const {
     constexpr double kTruncation = 40;  // codes of 255
-    const auto difference = luma_difference(camera, x, y, depth, kTruncation);
+    const auto difference =
+        luma_difference(camera, x, y, depth, neighbours(camera, options_.neighbours), kTruncation);
     return difference ? std::optional(255 / kTruncation * *difference) : std::nullopt;
   }
 
@@ -217,7 +230,7 @@ class Reference {
     const VirtualCamera& view = pinhole(camera);
     std::vector<DepthHypotheses> hypotheses{
         {&map(camera), &view, uniform_weights(view, depth_estimation::kOwnHypothesisWeight)}};
-    for (const int other : neighbours(camera, options_.neighbours)) {
+    for (const int other : estimated_neighbours(camera, options_.neighbours)) {
       hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
     InverseDepthMap fused = fuse_hypotheses_reference(
@@ -232,7 +245,8 @@ class Reference {
   InverseDepthMap less_fattened(int camera, const InverseDepthMap& depths) const {
     using namespace foreground_fattening;
     const Picture& own = picture(camera);
-    const int reach = fattening_reach(depths.width);
+    const int reach = fattening_reach(instant_.rig->cameras[camera].model.width());
+    const std::vector<int> others = estimated_neighbours(camera, options_.neighbours);
     const auto apart = static_cast<float>(kApartPx * depths_.inverse_depth_per_pixel);
     InverseDepthMap behind(depths.width, depths.height, kUnknownDepth);
     Plane worse(depths.width, depths.height, 0);
@@ -276,12 +290,12 @@ class Reference {
         candidates.insert(candidates.end(), between.begin(), between.end());
         std::optional<double> least;
         for (const float candidate : candidates) {
-          const auto found = luma_difference(camera, x, y, static_cast<double>(candidate));
+          const auto found = luma_difference(camera, x, y, static_cast<double>(candidate), others);
           if (!found || (least && *found >= *least - kBetter)) continue;
           least = found;
           behind.at(x, y) = candidate;
         }
-        const auto now = luma_difference(camera, x, y, static_cast<double>(depth));
+        const auto now = luma_difference(camera, x, y, static_cast<double>(depth), others);
         constexpr double kInfinity = std::numeric_limits<double>::infinity();
         if (least) worse.at(x, y) = now ? *least - *now : -kInfinity;
       }
@@ -361,7 +375,7 @@ class Reference {
     const Picture& own = picture(camera);
     std::array<double, kRefineOffsets> costs{};
     int count = 0;
-    for (const int other : neighbours(camera, options_.support_views)) {
+    for (const int other : estimated_neighbours(camera, options_.support_views)) {
       const auto at = place_of(pinhole(other), from, x, y, present);
       if (!at) continue;
       const double its = map(other).at(std::min(static_cast<int>(at->u), map(other).width - 1),

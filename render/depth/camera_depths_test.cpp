@@ -136,6 +136,48 @@ TEST_F(CameraDepthsTest, FindsAPlainBackgroundBetweenBars) {
   EXPECT_GT(found, 0.8 * between);
 }
 
+// Cameras without a region serve as pictures to match with.
+TEST_F(CameraDepthsTest, OfRegionsAgreeWithTheReference) {
+  record(3, 3, 56, 42, kBarrel);
+  options_.regions.resize(9);
+  options_.regions[0] = {0, 0, 40, 33};
+  options_.regions[1] = {8, 3, 48, 41};
+  options_.regions[4] = {16, 0, 57, 40};
+  options_.regions[5] = {0, 8, 30, 43};
+  expect_reference();
+  const CameraDepths parts = estimate_camera_depths(instant_, options_, kPlenty);
+  EXPECT_TRUE(parts.maps[8].values.empty());
+  EXPECT_EQ(parts.maps[1].width, 40);
+  EXPECT_EQ(parts.maps[1].height, 38);
+}
+
+// A part of a picture has the depths of the whole one, but for what its borders hide from view.
+class CameraDepthsOfRegions : public CameraDepthsTest,
+                              public ::testing::WithParamInterface<schemas::Distortion> {};
+
+TEST_P(CameraDepthsOfRegions, AreThoseOfWholePictures) {
+  record(3, 3, 120, 90, GetParam());
+  const CameraDepths whole = estimate_camera_depths(instant_, options_, kPlenty);
+  constexpr PixelRectangle kPart{30, 20, 110, 80};
+  options_.regions.assign(9, kPart);
+  const CameraDepths parts = estimate_camera_depths(instant_, options_, kPlenty);
+  EXPECT_EQ(parts.inverse_depth_per_pixel, whole.inverse_depth_per_pixel);
+  int all = 0, differ = 0;
+  constexpr int kBorder = 8;
+  for (int y = kPart.top + kBorder; y < kPart.bottom - kBorder; ++y) {
+    for (int x = kPart.left + kBorder; x < kPart.right - kBorder; ++x) {
+      const float expected = whole.maps[4].at(x, y),
+                  found = parts.maps[4].at(x - kPart.left, y - kPart.top);
+      ++all;
+      differ += std::abs(found - expected) > 0.5 * whole.inverse_depth_per_pixel ? 1 : 0;
+    }
+  }
+  EXPECT_LT(differ, all / 50) << "of " << all;
+}
+
+INSTANTIATE_TEST_SUITE_P(Lenses, CameraDepthsOfRegions,
+                         ::testing::Values(kBarrel, schemas::Distortion{}));
+
 TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
   record(3, 3, 96, 72, {-0.25, 0.05, 0, 0, 0});
   const CameraDepths depths = estimate_camera_depths(instant_, options_, kPlenty);

@@ -85,10 +85,15 @@ CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
     if (nearest.empty()) continue;
     moves.push_back(disparity(depths.pinholes[nearest[0]], depths.pinholes[i]));
   }
-  if (moves.empty()) return depths;
-  const auto middle = moves.begin() + static_cast<std::ptrdiff_t>(moves.size() / 2);
-  std::nth_element(moves.begin(), middle, moves.end());
-  depths.inverse_depth_per_pixel = 1 / *middle;
+  if (!moves.empty()) {
+    const auto middle = moves.begin() + static_cast<std::ptrdiff_t>(moves.size() / 2);
+    std::nth_element(moves.begin(), middle, moves.end());
+    depths.inverse_depth_per_pixel = 1 / *middle;
+  }
+  for (std::size_t i = 0; i < options.regions.size(); ++i) {
+    if (options.regions[i].is_empty()) continue;
+    depths.pinholes[i] = cropped(depths.pinholes[i], options.regions[i]);
+  }
   return depths;
 }
 

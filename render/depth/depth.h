@@ -38,6 +38,7 @@ struct DepthViewOptions {
   double agreement = 10;  ///< colour difference of half weight, codes of 255
   Interpolation interpolation = Interpolation::kCubic;  ///< of source frames
   bool stores_depths = true;                            ///< store depths in the take's folder
+  bool all_cameras = false;                             ///< estimate all depths, whatever is shown
   bool temporal = false;   ///< average depths with those of adjacent_frames
   bool soft_edges = true;  ///< pixels at edges of depth show two surfaces
 };

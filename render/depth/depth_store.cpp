@@ -32,15 +32,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint32_t kAlgorithm = 4;  ///< raise it if equal inputs give different depths
+constexpr std::uint32_t kAlgorithm = 5;  ///< raise it if equal inputs give different depths
 constexpr std::size_t kDigits = 16;
 
-/// Sets the set's time of use; failure is ignored. Everyone who may write to the folder may set
-/// UTIME_NOW; only its owner may set an explicit time.
-void mark_used(const fs::path& set) {
+/// Sets the time of use of a set or file; failure is ignored. Everyone who may write to the folder
+/// may set UTIME_NOW; only its owner may set an explicit time.
+void mark_used(const fs::path& used) {
   constexpr timespec kNow{0, UTIME_NOW};
   const std::array times{kNow, kNow};
-  utimensat(AT_FDCWD, set.c_str(), times.data(), 0);
+  utimensat(AT_FDCWD, used.c_str(), times.data(), 0);
 }
 
 bool read_maps(const ContainedPath& stored, std::uint64_t fingerprint, CameraDepths& depths) {
@@ -166,6 +166,11 @@ fs::path pin_file(const fs::path& set, std::string_view job) {
   return set / fmt::format("{}{}", kPin, job);
 }
 
+/// Returns the hash that a file holds.
+std::uint64_t content_of(const DepthStoreKey& key) {
+  return key.regions == 0 ? key.instant : key.regions;
+}
+
 bool is_pinned(const fs::path& set, fs::file_time_type now) {
   std::error_code error;
   for (fs::directory_iterator entry(set, error), end; entry != end; entry.increment(error)) {
@@ -174,6 +179,27 @@ bool is_pinned(const fs::path& set, fs::file_time_type now) {
     if (!error && now - pinned <= kMaxPinTime) return true;
   }
   return false;
+}
+
+/// Removes files of other regions of the same light field frame; see kMaxStoredRegions.
+void remove_unused_regions(const fs::path& stored, fs::file_time_type now) {
+  const std::string instant = stored.filename().string().substr(0, kDigits + 1);
+  std::error_code error;
+  std::vector<UsedPath> files;
+  for (fs::directory_iterator entry(stored.parent_path(), error), end; entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    const bool is_of_regions = name.size() == stored.filename().string().size() &&
+                               name.starts_with(instant) && name.ends_with(".zst");
+    if (!is_of_regions || entry->path() == stored) continue;
+    const fs::file_time_type used = fs::last_write_time(entry->path(), error);
+    if (!error) files.emplace_back(used, entry->path());
+  }
+  if (files.size() < kMaxStoredRegions || is_pinned(stored.parent_path(), now)) return;
+  std::ranges::sort(files, std::greater());
+  for (std::size_t i = kMaxStoredRegions - 1; i < files.size(); ++i) {
+    if (now - files[i].first > kDepthSetUseTime) fs::remove(files[i].second, error);
+  }
 }
 
 }  // namespace
@@ -211,12 +237,23 @@ DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimat
     store_little_endian(part, 0, std::bit_cast<std::uint64_t>(sources->part));
     key.instant = XXH3_64bits_withSeed(part.data(), part.size(), key.instant);
   }
+  if (s.regions.empty()) return key;
+  std::vector<std::byte> bytes(s.regions.size() * 4 * sizeof(std::int32_t));
+  std::size_t at = 0;
+  for (const PixelRectangle& r : s.regions) {
+    for (const std::int32_t value : {r.left, r.top, r.right, r.bottom}) {
+      store_little_endian(bytes, at, value);
+      at += sizeof(value);
+    }
+  }
+  key.regions = XXH3_64bits_withSeed(bytes.data(), bytes.size(), key.instant);
   return key;
 }
 
 fs::path depth_file_path(const fs::path& folder, const DepthStoreKey& key) {
-  return folder / "depth" / fmt::format("{:016x}", key.set) /
-         fmt::format("{:016x}.zst", key.instant);
+  const fs::path set = folder / "depth" / fmt::format("{:016x}", key.set);
+  return set / (key.regions == 0 ? fmt::format("{:016x}.zst", key.instant)
+                                 : fmt::format("{:016x}.{:016x}.zst", key.instant, key.regions));
 }
 
 void prune_depth_sets(const fs::path& folder, fs::file_time_type now) {
@@ -258,7 +295,8 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
   }
   if (stores_depths) {
     CameraDepths depths = camera_depths_without_maps(instant, options);
-    if (read_maps({instant.derived_folder(), depth_file_path({}, key)}, key.instant, depths)) {
+    if (read_maps({instant.derived_folder(), depth_file_path({}, key)}, content_of(key), depths)) {
+      if (key.regions != 0) mark_used(file);
       if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->read;
       return depths;
     }
@@ -273,7 +311,8 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
     const bool is_new = !fs::exists(set, error);
     create_folder(set);
     if (is_new) prune_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
-    write_maps(file, depths.maps, key.instant);
+    write_maps(file, depths.maps, content_of(key));
+    if (key.regions != 0) remove_unused_regions(file, fs::file_time_type::clock::now());
   } catch (const Error& error) {
     note = fmt::format("depths cannot be stored, so each run estimates them again: {}",
                        error.what_happened());

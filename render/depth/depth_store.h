@@ -17,13 +17,15 @@ namespace raystage::render {
 struct DepthStoreKey {
   std::uint64_t set = 0;      ///< XXH3 over the algorithm's version, settings, colour space and rig
   std::uint64_t instant = 0;  ///< `set`, and each camera's JPEG bytes or their absence
+  std::uint64_t regions = 0;  ///< `instant` and DepthEstimationOptions::regions; 0: all of all
   bool operator==(const DepthStoreKey&) const = default;
 };
 /// Returns the key of an instant's depths; reads the JPEG bytes of all its frames.
 DepthStoreKey depth_store_key(const LightFieldFrame& instant,
                               const DepthEstimationOptions& options);
 
-/// Returns FOLDER/depth/SET/INSTANT.zst. `folder`: LightFieldFrame::derived_folder().
+/// Returns FOLDER/depth/SET/INSTANT.zst, or INSTANT.REGIONS.zst. `folder`:
+/// LightFieldFrame::derived_folder().
 std::filesystem::path depth_file_path(const std::filesystem::path& folder,
                                       const DepthStoreKey& key);
 
@@ -40,6 +42,10 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
 /// load_or_estimate_camera_depths() does, unless an intact file is there.
 StoreResult store_camera_depths(const LightFieldFrame& instant,
                                 const DepthEstimationOptions& options, std::size_t working_bytes);
+
+/// The number of files INSTANT.REGIONS.zst per light field frame that are kept: others are removed
+/// when one is stored, if they were not used within kDepthSetUseTime and the set has no pin.
+inline constexpr std::size_t kMaxStoredRegions = 4;
 
 /// The number of stored sets per take, and the time after its last use in which a set is kept.
 inline constexpr std::size_t kMaxStoredDepthSets = 4;

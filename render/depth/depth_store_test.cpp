@@ -224,6 +224,46 @@ TEST_F(TakeWithDepths, BehindALinkTheyAreNeitherReadNorStored) {
   EXPECT_TRUE(fs::is_empty(victim));
 }
 
+TEST_F(TakeWithDepths, OfFewRegionsOfAFrameTheLastAreKept) {
+  DepthEstimationOptions options;
+  options.scene = {3, 5};
+  std::string note;
+  const auto store = [&](int right) {
+    options.regions = {{0, 0, right, 16}, {}};
+    const CameraDepths depths =
+        load_or_estimate_camera_depths(instant_, options, std::size_t{1} << 28, true, note);
+    EXPECT_EQ(depths.maps[0].width, right);
+    EXPECT_TRUE(depths.maps[1].values.empty());
+    return depth_file_path(take_->folder(), depth_store_key(instant_, options));
+  };
+  load_or_estimate_camera_depths(instant_, options, std::size_t{1} << 28, true, note);
+  const fs::path all = depth_file_path(take_->folder(), depth_store_key(instant_, options));
+  std::vector<fs::path> files;
+  for (int i = 0; i < 5; ++i) {
+    files.push_back(store(16 + i));
+    fs::last_write_time(files.back(), fs::file_time_type::clock::now() - hours(10 - i));
+  }
+  EXPECT_EQ(files[0].parent_path(), all.parent_path());
+  EXPECT_EQ(store(16), files[0]) << "stored again: it was removed as the oldest";
+  EXPECT_TRUE(fs::exists(all));
+  EXPECT_FALSE(fs::exists(files[1]));
+  EXPECT_TRUE(fs::exists(files[4]));
+  EXPECT_EQ(names_in(all.parent_path()).size(), 1U + kMaxStoredRegions);
+  StoredDataCounts counts;
+  instant_.stored_data_counts = &counts;
+  store(16);
+  EXPECT_EQ(counts.read, 1);
+  EXPECT_EQ(counts.derived, 0);
+  // Those in use, by this hour or by a pin, stay.
+  pin_depth_set(all.parent_path(), "job");
+  fs::last_write_time(files[2], fs::file_time_type::clock::now() - hours(20));
+  store(22);
+  EXPECT_TRUE(fs::exists(files[2]));
+  unpin_depth_set(all.parent_path(), "job");
+  store(23);
+  EXPECT_FALSE(fs::exists(files[2]));
+}
+
 TEST_F(TakeWithDepths, OtherOptionsMakeRoomForThemselves) {
   std::vector<fs::path> sets;
   for (int i = 0; i < 4; ++i) sets.push_back(ask(5 + i, hours(10 - i)));

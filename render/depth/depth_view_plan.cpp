@@ -43,6 +43,9 @@ constexpr std::array kOptions{
     renamed_option("agreement",
                    number_option("color_tolerance", 10, 0.1, 255,
                                  "difference of 8-bit codes at which a camera's weight is halved")),
+    flag_option("all_cameras", false,
+                "estimate the depths of all cameras, not only those that the frames of a moving "
+                "take need: for takes that several shots show"),
     flag_option("temporal", false,
                 "average depths with those of the adjacent ticks of the timeline, where a "
                 "camera's picture does not change"),
@@ -64,9 +67,52 @@ DepthViewOptions settings_of(const MethodOptions& options, const store::Take& ta
   s.cameras = options.integer("cameras");
   s.agreement = options.number("color_tolerance");
   s.stores_depths = options.flag("store_depths") && use_take_folder;
+  s.all_cameras = options.flag("all_cameras");
   s.temporal = options.flag("temporal");
   s.soft_edges = options.flag("soft_edges");
   return s;
+}
+
+constexpr int kHypotheses = 8;  ///< cameras whose depths are fused at a tile's corner
+
+/// Returns the pixels whose depths the views of a light field frame need. Averages over time also
+/// read the depths of ticks that other views show: all are estimated.
+EstimationRegions regions_of(const DepthViewOptions& settings, const LightFieldFrame& instant) {
+  if (settings.temporal || settings.all_cameras) return {};
+  return needed_regions(instant, settings.estimation.scene,
+                        std::max(settings.cameras, kHypotheses));
+}
+
+/// Returns the same, computed once for all views of the light field frame.
+EstimationRegions cached_regions(const DepthViewOptions& settings, const ViewRequest& request) {
+  if (request.instant.shown_views.empty()) return {};
+  std::string key = fmt::format("estimation regions {} {} {} {}", settings.estimation.scene.near,
+                                settings.estimation.scene.far, settings.cameras,
+                                settings.temporal || settings.all_cameras);
+  for (const int frame : request.instant.frame_of_camera) key += fmt::format(" {}", frame);
+  for (const VirtualCamera& view : request.instant.shown_views) {
+    const schemas::Intrinsics& k = view.intrinsics;
+    key += fmt::format("; {} {} {} {} {} {} {} {} {}", view.width, view.height, k.fx, k.fy, k.cx,
+                       k.cy, k.distortion.k1, k.distortion.k2, k.distortion.k3);
+    key += fmt::format(" {} {} {}", k.distortion.p1, k.distortion.p2, view.is_equirectangular);
+    for (const double value : view.pose.position) key += fmt::format(" {}", value);
+    for (const double value : view.pose.world_from_camera_rotation.reshaped()) {
+      key += fmt::format(" {}", value);
+    }
+  }
+  return *request.result_cache.get<EstimationRegions>(key, [&](std::size_t& bytes) {
+    auto made = std::make_shared<const EstimationRegions>(regions_of(settings, request.instant));
+    bytes = made->size() * sizeof(PixelRectangle);
+    return made;
+  });
+}
+
+/// Returns the cameras that have a frame and depths.
+std::vector<int> cameras_with_depths(const LightFieldFrame& instant,
+                                     const EstimationRegions& regions) {
+  std::vector<int> cameras = instant.present_cameras();
+  std::erase_if(cameras, [&](int camera) { return !has_region(regions, camera); });
+  return cameras;
 }
 
 /// Returns the largest number of planes that a camera's initial sweep requires, before the limit.
@@ -192,6 +238,9 @@ std::string depth_cache_key(const LightFieldFrame& instant, const DepthEstimatio
   std::string key = fmt::format("camera depths {} {} {} {} {}", s.scene.near, s.scene.far,
                                 s.plane_px, s.neighbours, s.support_views);
   for (const int frame : instant.frame_of_camera) key += " " + std::to_string(frame);
+  for (const PixelRectangle& part : s.regions) {
+    key += fmt::format(" {},{},{},{}", part.left, part.top, part.right, part.bottom);
+  }
   return key;
 }
 
@@ -206,16 +255,17 @@ std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFiel
 }
 
 /// Returns the hypotheses of the cameras. Their weights are those of a blending field of the view
-/// with kBest cameras per tile corner.
+/// with kHypotheses cameras per tile corner.
 FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request) {
   static_assert(kDepthTile == BlendingField::kTile);
   constexpr float kMinShare = 0.2F;
-  constexpr int kBest = 8;
-  static_assert(4 * kBest <= kMaxHypotheses, "each corner of a tile may select other cameras");
+  static_assert(4 * kHypotheses <= kMaxHypotheses,
+                "each corner of a tile may select other cameras");
   const LightFieldFrame& instant = request.instant;
   const CameraDepths& depths = *plan.depths;
-  const BlendingField field(plan.pinhole, *instant.rig, instant.present_cameras(), plan.range,
-                            kBest);
+  const BlendingField field(plan.pinhole, *instant.rig,
+                            cameras_with_depths(instant, plan.settings.estimation.regions),
+                            plan.range, kHypotheses);
   const auto tiles = static_cast<std::size_t>(field.columns() * field.rows());
   std::map<int, DepthHypotheses> hypotheses;  // by camera
   for (std::size_t tile = 0; tile < tiles; ++tile) {
@@ -265,8 +315,9 @@ InverseDepthMap depths_of_view(DepthViewPlan& plan, const ViewRequest& request) 
 }  // namespace
 
 std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request) {
-  const DepthViewOptions settings =
+  DepthViewOptions settings =
       settings_of(request.options, *request.instant.take, request.use_take_folder);
+  settings.estimation.regions = cached_regions(settings, request);
   const rig::Rig& rig = *request.instant.rig;
   const VirtualCamera pinhole = undistorted(
       rig::CameraModel(
@@ -279,7 +330,9 @@ std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request) {
       settings,
       pinhole,
       range,
-      BlendingField(request.view, rig, request.instant.present_cameras(), range, settings.cameras),
+      BlendingField(request.view, rig,
+                    cameras_with_depths(request.instant, settings.estimation.regions), range,
+                    settings.cameras),
       BlendingField::complete(request.view, request.instant, range, settings.cameras),
       nullptr,
       {},
@@ -354,14 +407,16 @@ class DepthMethod final : public Method {
   bool stores_data() const override { return true; }
   std::filesystem::path stored_file(const MethodOptions& options,
                                     const LightFieldFrame& instant) const override {
-    const depth::DepthViewOptions settings = depth::settings_of(options, *instant.take, true);
+    depth::DepthViewOptions settings = depth::settings_of(options, *instant.take, true);
     if (!settings.stores_depths) return {};
+    settings.estimation.regions = depth::regions_of(settings, instant);
     return depth_file_path(instant.derived_folder(), depth_store_key(instant, settings.estimation));
   }
   StoreResult store(const MethodOptions& options, const LightFieldFrame& instant,
                     std::size_t working_bytes) const override {
-    return store_camera_depths(instant, depth::settings_of(options, *instant.take, true).estimation,
-                               working_bytes);
+    depth::DepthViewOptions settings = depth::settings_of(options, *instant.take, true);
+    settings.estimation.regions = depth::regions_of(settings, instant);
+    return store_camera_depths(instant, settings.estimation, working_bytes);
   }
 
   RaySurface surface(const SurfaceRequest& r) const override {
@@ -375,6 +430,9 @@ class DepthMethod final : public Method {
   bool tells_surfaces_apart() const override { return true; }
   bool reads_adjacent_frames(const MethodOptions& options) const override {
     return options.flag("temporal");
+  }
+  bool depends_on_shown_views(const MethodOptions& options) const override {
+    return !options.flag("temporal") && !options.flag("all_cameras");
   }
 };
 

@@ -15,6 +15,7 @@
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
+#include "render/depth/matching_luma-inl.h"
 #include "render/depth/transfer-inl.h"
 // clang-format on
 
@@ -27,33 +28,6 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 constexpr int kMaxLanes = 16;
-
-/// Bilinear luma at pixel positions within the image, and whether it is known.
-struct Luma {
-  V code;
-  hn::Mask<D> is_known;
-};
-HWY_INLINE Luma luma_at(D d, const MatchingImage& image, V u, V v) {
-  const hn::RebindToSigned<D> di;
-  const auto half = hn::Set(d, 0.5F), zero = hn::Zero(d);
-  const auto last = [&](int size) HWY_ATTR { return hn::Set(d, static_cast<float>(size - 1)); };
-  const auto x = hn::Min(hn::Max(hn::Sub(u, half), zero), last(image.width()));
-  const auto y = hn::Min(hn::Max(hn::Sub(v, half), zero), last(image.height()));
-  const auto column = hn::ConvertTo(di, x), row = hn::ConvertTo(di, y);
-  const auto right = hn::Sub(x, hn::ConvertTo(d, column)), down = hn::Sub(y, hn::ConvertTo(d, row));
-  const auto at = hn::Add(hn::Mul(row, hn::Set(di, image.width())), column);
-  const auto word =
-      hn::GatherIndex(di, reinterpret_cast<const std::int32_t*>(image.words()), at);  // NOLINT
-  const auto byte = hn::Set(di, 0xFF);
-  const auto upper_left = hn::ConvertTo(d, hn::And(word, byte));
-  const auto upper_right = hn::ConvertTo(d, hn::And(hn::ShiftRight<8>(word), byte));
-  const auto lower_left = hn::ConvertTo(d, hn::And(hn::ShiftRight<16>(word), byte));
-  const auto lower_right = hn::ConvertTo(d, hn::And(hn::ShiftRight<24>(word), byte));
-  const auto upper = hn::MulAdd(right, hn::Sub(upper_right, upper_left), upper_left);
-  const auto lower = hn::MulAdd(right, hn::Sub(lower_right, lower_left), lower_left);
-  return {hn::MulAdd(down, hn::Sub(lower, upper), upper),
-          hn::RebindMask(d, hn::Ne(word, hn::Zero(di)))};
-}
 
 /// Returns the camera's own luma at lanes from pixel x on; the row's last pixel is repeated.
 HWY_INLINE V own_luma(D d, const MatchingImage& image, int x, int y) {

@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Corrects foreground fattening in a camera's depths. Only pixels with something farther within
-// reach are looked at, and after the first round only those near corrected ones. Costs are the mean
-// of the smaller half of the luma differences to the neighbours, as in match_row(). Input and
-// output: inverse depths, 1/m. Cost: O(pixels near borders of surfaces x reach), and O(pixels) for
-// the others. Reference: camera_depths_reference.cpp.
+// reach are looked at, and after the first round only those near corrected ones. Background and
+// costs are computed by vectors of pixels (fattening_kernels.cpp). Input and output: inverse
+// depths, 1/m. Cost: O(pixels near borders of surfaces x reach), and O(pixels) for the others.
+// Reference: camera_depths_reference.cpp.
 #include "render/depth/foreground_fattening.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <limits>
-#include <optional>
 #include <utility>
 #include <vector>
 
 #include "base/parallel.h"
+#include "render/depth/fattening_kernels.h"
 
 namespace raystage::render {
 namespace {
@@ -64,20 +63,21 @@ void minimum_within(std::vector<Value>& values, int width, int height, int reach
 class FatteningCorrection {
  public:
   FatteningCorrection(const MatchingImage& image, std::span<const NeighbourView> neighbours,
-                      double per_pixel)
+                      double per_pixel, int reach)
       : image_(image),
         neighbours_(neighbours),
         apart_(static_cast<float>(kApartPx * per_pixel)),
-        reach_(fattening_reach(image.width())) {}
+        reach_(reach) {}
 
   InverseDepthMap run(const InverseDepthMap& map) const {
     InverseDepthMap current = map, behind(map.width, map.height, kUnknownDepth);
+    BackgroundPlanes planes(map, image_, reach_);
     std::vector<float> worse(map.values.size());  // by how many codes the neighbours agree less
     // 0: something changed, or may, near the pixel.
     std::vector<std::uint8_t> is_settled(map.values.size(), 0);
     for (int i = 0; i < kRounds; ++i) {
       std::vector<std::uint8_t> unchanged(map.values.size(), 1);
-      propose(current, is_settled, behind, worse);
+      propose(current, is_settled, planes, behind, worse);
       current = accepted(current, behind, worse, unchanged);
       if (i + 1 == kRounds || std::ranges::find(unchanged, 0) == unchanged.end()) break;
       is_settled = std::move(unchanged);
@@ -107,29 +107,26 @@ class FatteningCorrection {
   /// Finds the best depth of the background of each pixel that may have one; settled ones keep
   /// theirs.
   void propose(const InverseDepthMap& map, const std::vector<std::uint8_t>& is_settled,
-               InverseDepthMap& behind, std::vector<float>& worse) const {
+               BackgroundPlanes& planes, InverseDepthMap& behind, std::vector<float>& worse) const {
     std::vector<float> farthest = map.values;
     for (float& depth : farthest) {
       if (depth < 0) depth = std::numeric_limits<float>::max();
     }
     minimum_within(farthest, map.width, map.height, reach_);
+    planes.set_depths(map);
     raystage::parallel_for(0, map.height, [&](int y) {
+      RowBackground found(map.width);
+      bool is_any_active = false;
       for (int x = 0; x < map.width; ++x) {
         const std::size_t at = map.offset(x, y);
         const float own = map.values[at];
         if (is_settled[at] != 0) continue;
         behind.values[at] = kUnknownDepth;
         if (own < 0 || farthest[at] > own - apart_ || !image_.is_known(x, y)) continue;
-        const Candidates candidates = background(map, x, y, own - apart_);
-        double least = std::numeric_limits<double>::infinity();
-        for (std::size_t i = 0; i < candidates.count; ++i) {
-          const double found = cost(x, y, candidates.depths[i]);
-          if (!(found < least - kBetter)) continue;
-          least = found;
-          behind.values[at] = candidates.depths[i];
-        }
-        if (std::isfinite(least)) worse[at] = static_cast<float>(least - cost(x, y, own));
+        found.is_active[x] = 1;
+        is_any_active = true;
       }
+      if (is_any_active) propose_row(map, planes, y, found, behind, worse);
     });
   }
 
@@ -151,87 +148,86 @@ class FatteningCorrection {
     return sum / count;
   }
 
-  bool has_same_colour(int x, int y, int column, int row) const {
-    if (!image_.is_known(column, row)) return false;
-    if (std::abs(image_.luma(column, row) - image_.luma(x, y)) > kSameColour) return false;
-    const auto here = image_.chroma(x, y), there = image_.chroma(column, row);
-    return std::abs(there[0] - here[0]) + std::abs(there[1] - here[1]) <= kSameColour;
-  }
-
-  struct Candidates {
-    std::array<float, 12> depths;
-    std::size_t count = 0;
-  };
-  /// Returns the depths of the next pixels of the same colour that are at most as near as `far`,
-  /// and those in between of opposite ones; none if there are too few.
-  Candidates background(const InverseDepthMap& map, int x, int y, float far) const {
-    constexpr std::array<std::array<int, 2>, 8> kSteps{
-        {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, -1}, {1, -1}, {-1, 1}}};
-    std::array<float, kSteps.size()> found{};
-    std::array<int, kSteps.size()> distance{};  // steps; 0: not found
-    Candidates result;
-    for (std::size_t k = 0; k < kSteps.size(); ++k) {
-      const auto [dx, dy] = kSteps[k];
-      for (int i = 1; i <= reach_ && distance[k] == 0; ++i) {
-        const int column = x + i * dx, row = y + i * dy;
-        if (!map.contains(column, row)) break;
-        const float there = map.at(column, row);
-        if (there < 0 || there > far || !has_same_colour(x, y, column, row)) continue;
-        found[k] = there;
-        distance[k] = i;
-        result.depths[result.count++] = there;
+  /// The background that may be behind the pixels of a row, found along the directions.
+  struct RowBackground {
+    explicit RowBackground(int width)
+        : is_active(static_cast<std::size_t>(width) + kMostVectorLanes, 0.0F) {
+      for (auto* planes : {&depth, &distance}) {
+        for (std::vector<float>& of_direction : *planes) of_direction.resize(is_active.size());
       }
     }
-    if (result.count < kDirections) return {};
-    for (std::size_t k = 0; k < kSteps.size(); k += 2) {
-      if (distance[k] == 0 || distance[k + 1] == 0) continue;
-      const float part =
-          static_cast<float>(distance[k]) / static_cast<float>(distance[k] + distance[k + 1]);
-      result.depths[result.count++] = found[k] + part * (found[k + 1] - found[k]);
+
+    std::vector<float> is_active;
+    std::array<std::vector<float>, kBackgroundDirections.size()> depth, distance;
+  };
+
+  /// Appends the depths that a pixel's background may have: the next ones along the directions, and
+  /// those in between of opposite ones; none if there are too few. Returns their number.
+  static std::size_t add_candidates(const RowBackground& found, std::size_t x,
+                                    std::vector<float>& depths) {
+    const std::size_t before = depths.size();
+    for (std::size_t k = 0; k < kBackgroundDirections.size(); ++k) {
+      if (found.distance[k][x] > 0) depths.push_back(found.depth[k][x]);
     }
-    return result;
+    if (depths.size() - before < kDirections) {
+      depths.resize(before);
+      return 0;
+    }
+    for (std::size_t k = 0; k < kBackgroundDirections.size(); k += 2) {
+      const float ahead = found.distance[k][x], back = found.distance[k + 1][x];
+      if (ahead == 0 || back == 0) continue;
+      const float first = found.depth[k][x], last = found.depth[k + 1][x];
+      depths.push_back(first + ahead / (ahead + back) * (last - first));
+    }
+    return depths.size() - before;
   }
 
-  /// Returns the mean of the smaller half of the luma differences to the neighbours that see the
-  /// pixel's point at a depth, codes; infinite: none does.
-  double cost(int x, int y, float inverse_depth) const {
-    std::array<double, kMaxNeighbours> differences;
-    std::size_t count = 0;
-    for (const NeighbourView& view : neighbours_) {
-      const auto luma = luma_at(view, x + 0.5, y + 0.5, static_cast<double>(inverse_depth));
-      if (luma) differences[count++] = std::abs(*luma - image_.luma(x, y));
-    }
-    if (count == 0) return std::numeric_limits<double>::infinity();
-    std::sort(differences.begin(), differences.begin() + static_cast<std::ptrdiff_t>(count));
-    const std::size_t half = (count + 1) / 2;
-    double sum = 0;
-    for (std::size_t i = 0; i < half; ++i) sum += differences[i];
-    return sum / static_cast<double>(half);
-  }
+  /// The points of a row whose costs are compared: each pixel's candidates and then its own depth.
+  struct RowPoints {
+    struct Pixel {
+      std::int32_t x;
+      std::size_t candidates;
+    };
+    std::vector<Pixel> pixels;
+    std::vector<std::int32_t> columns;
+    std::vector<float> depths, costs;
+  };
 
-  static std::optional<double> luma_at(const NeighbourView& view, double x, double y,
-                                       double inverse_depth) {
-    const auto part = [&](std::size_t r) {
-      const double* m = view.transfer.direction.data() + 3 * r;
-      return m[0] * x + m[1] * y + m[2] + inverse_depth * view.transfer.parallax[r];
-    };
-    const double w = part(2), u = part(0) / w, v = part(1) / w;
-    const MatchingImage& image = *view.image;
-    if (!(w > 0 && u >= 0 && v >= 0 && u <= image.width() && v <= image.height())) {
-      return std::nullopt;
+  void propose_row(const InverseDepthMap& map, const BackgroundPlanes& planes, int y,
+                   RowBackground& found, InverseDepthMap& behind, std::vector<float>& worse) const {
+    BackgroundRow row{&planes, y, reach_, apart_, kSameColour, found.is_active.data(), {}, {}};
+    for (std::size_t k = 0; k < kBackgroundDirections.size(); ++k) {
+      row.depth[k] = found.depth[k].data();
+      row.distance[k] = found.distance[k].data();
     }
-    const double left = std::clamp(u - 0.5, 0.0, image.width() - 1.0);
-    const double top = std::clamp(v - 0.5, 0.0, image.height() - 1.0);
-    const int column = static_cast<int>(left), row = static_cast<int>(top);
-    const std::uint32_t word =
-        image.words()[static_cast<std::size_t>(row) * image.width() + column];
-    if (word == 0) return std::nullopt;
-    const double right = left - column, down = top - row;
-    const auto code = [word](unsigned byte) {
-      return static_cast<double>((word >> (8 * byte)) & 0xFFU);
-    };
-    return (1 - down) * ((1 - right) * code(0) + right * code(1)) +
-           down * ((1 - right) * code(2) + right * code(3));
+    find_background(row);
+    RowPoints points;
+    for (int x = 0; x < map.width; ++x) {
+      if (!(found.is_active[x] > 0)) continue;
+      const std::size_t candidates =
+          add_candidates(found, static_cast<std::size_t>(x), points.depths);
+      if (candidates == 0) continue;
+      points.pixels.push_back({x, candidates});
+      points.depths.push_back(map.at(x, y));
+      points.columns.resize(points.depths.size(), x);
+    }
+    points.costs.resize(points.depths.size());
+    compute_agreement(
+        {y, &image_, neighbours_, points.columns, points.depths, points.costs.data()});
+    const float* cost = points.costs.data();
+    const float* depth = points.depths.data();
+    for (const auto& [x, candidates] : points.pixels) {
+      const std::size_t at = map.offset(x, y);
+      float least = std::numeric_limits<float>::infinity();
+      for (std::size_t i = 0; i < candidates; ++i) {
+        if (!(cost[i] < least - kBetter)) continue;
+        least = cost[i];
+        behind.values[at] = depth[i];
+      }
+      if (std::isfinite(least)) worse[at] = least - cost[candidates];
+      cost += candidates + 1;
+      depth += candidates + 1;
+    }
   }
 
   const MatchingImage& image_;
@@ -246,8 +242,8 @@ int fattening_reach(int width) { return std::max(kLeastReach, width / kReachPerW
 
 InverseDepthMap reduce_foreground_fattening(const InverseDepthMap& map, const MatchingImage& image,
                                             std::span<const NeighbourView> neighbours,
-                                            double per_pixel) {
-  return FatteningCorrection(image, neighbours, per_pixel).run(map);
+                                            double per_pixel, int reach) {
+  return FatteningCorrection(image, neighbours, per_pixel, reach).run(map);
 }
 
 }  // namespace raystage::render

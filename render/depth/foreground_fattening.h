@@ -36,10 +36,11 @@ int fattening_reach(int width);
 /// depths explain the pictures. A pixel takes a depth of the next farther pixels of its own colour
 /// along eight directions, or between those of opposite ones, if the neighbours then agree about as
 /// well; in several rounds, as pixels that were corrected are background of others. `per_pixel`:
-/// the inverse depth, 1/m, that moves a point by a pixel between neighbouring cameras. `depths` of
-/// `neighbours` are not read.
+/// the inverse depth, 1/m, that moves a point by a pixel between neighbouring cameras. `reach`:
+/// fattening_reach() of the camera, whose picture may be a part. `depths` of `neighbours` are not
+/// read.
 InverseDepthMap reduce_foreground_fattening(const InverseDepthMap& map, const MatchingImage& image,
                                             std::span<const NeighbourView> neighbours,
-                                            double per_pixel);
+                                            double per_pixel, int reach);
 
 }  // namespace raystage::render

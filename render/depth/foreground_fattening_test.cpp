@@ -59,7 +59,8 @@ class Gap : public ::testing::Test {
       const int x = i % kWidth;
       map.values[i] = is_bar(x) || is_gap(x) ? kBarDepth : kPlainWall;
     }
-    return reduce_foreground_fattening(map, own, std::span(&neighbour, 1), kPerPixel);
+    return reduce_foreground_fattening(map, own, std::span(&neighbour, 1), kPerPixel,
+                                       fattening_reach(kWidth));
   }
   static constexpr int kMiddle = (kLeft + kRight) / 2;
 
@@ -99,8 +100,8 @@ TEST_F(Gap, ThatTheNeighboursContradictStays) {
   const double apart =
       (kBarDepth - kPlainWall) * std::abs(transfer.parallax[0] / transfer.direction[8]);
   ASSERT_GT(apart, kRight - kLeft) << "at the wall's depth the neighbour shows other pixels";
-  const InverseDepthMap found =
-      reduce_foreground_fattening(map, own, std::span(&neighbour, 1), kPerPixel);
+  const InverseDepthMap found = reduce_foreground_fattening(map, own, std::span(&neighbour, 1),
+                                                            kPerPixel, fattening_reach(kWidth));
   EXPECT_EQ(found.at(kMiddle, kHeight / 2), kBarDepth);
 }
 
@@ -109,9 +110,12 @@ TEST_F(Gap, UnknownDepthsStayAndAreNoBackground) {
   const NeighbourView neighbour{pixel_transfer(own_, own_), &plain, nullptr};
   InverseDepthMap map(kWidth, kHeight, kUnknownDepth);
   map.at(5, 5) = kBarDepth;
-  EXPECT_EQ(reduce_foreground_fattening(map, plain, std::span(&neighbour, 1), kPerPixel).values,
+  EXPECT_EQ(reduce_foreground_fattening(map, plain, std::span(&neighbour, 1), kPerPixel,
+                                        fattening_reach(kWidth))
+                .values,
             map.values);
-  EXPECT_EQ(reduce_foreground_fattening(map, plain, {}, kPerPixel).values, map.values);
+  EXPECT_EQ(reduce_foreground_fattening(map, plain, {}, kPerPixel, fattening_reach(kWidth)).values,
+            map.values);
 }
 
 }  // namespace

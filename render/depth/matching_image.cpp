@@ -83,7 +83,10 @@ MatchingImage::MatchingImage(const store::DecodedFrame& frame, store::BlendSpace
                              const rig::Rig::Camera& camera, const VirtualCamera& pinhole)
     : width_(pinhole.width), height_(pinhole.height) {
   std::vector<LumaChroma> pixels = luma_chroma_of(frame, space);
-  if (camera.model.has_distortion()) pixels = without_distortion(pixels, camera.model, pinhole);
+  const bool is_whole = pinhole.width == frame.width && pinhole.height == frame.height;
+  if (camera.model.has_distortion() || !is_whole) {
+    pixels = without_distortion(pixels, camera.model, pinhole);
+  }
   words_.resize(pixels.size());
   chroma_.resize(pixels.size());
   for (std::size_t i = 0; i < pixels.size(); ++i) chroma_[i] = {pixels[i][1], pixels[i][2]};

@@ -18,7 +18,7 @@ namespace raystage::render {
 class MatchingImage {
  public:
   MatchingImage() = default;
-  /// Converts a frame. `pinhole`: undistorted() of the camera.
+  /// Converts a frame. `pinhole`: undistorted() of the camera, or a part of it.
   MatchingImage(const store::DecodedFrame& frame, store::BlendSpace space,
                 const rig::Rig::Camera& camera, const VirtualCamera& pinhole);
 

@@ -44,11 +44,16 @@ class RowTransfer {
   /// Returns the transferred points of pixels x, x + 1, ... at inverse depths q, 1/m.
   template <class D, class V>
   HWY_INLINE auto at(D d, int x, V q) const {
+    return at(d, x, hwy::HWY_NAMESPACE::Iota(d, 0), q);
+  }
+  /// Returns the transferred points of the pixels `right` of x, which is near them.
+  template <class D, class V>
+  HWY_INLINE auto at(D d, int x, V right, V q) const {
     namespace hn = hwy::HWY_NAMESPACE;
     // The base is exact in double; the offsets from it are small enough for float.
     const auto part = [&](std::size_t r) HWY_ATTR {
       const auto base = hn::Set(d, static_cast<float>(base_[r] + step_[r] * x));
-      const auto along = hn::MulAdd(hn::Iota(d, 0), hn::Set(d, static_cast<float>(step_[r])), base);
+      const auto along = hn::MulAdd(right, hn::Set(d, static_cast<float>(step_[r])), base);
       return hn::MulAdd(q, hn::Set(d, parallax_[r]), along);
     };
     const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F), w = part(2);

@@ -77,10 +77,26 @@ class DepthTest : public ::testing::Test {
   static render::RenderedView render(const store::Take& take, const render::VirtualCamera& view,
                                      schemas::OptionValues options = {},
                                      const render::RendererOptions& settings = {}, int frame = 0) {
+    return render_reconstruction(take, view, {"depth", {0, 0, 0, 1}, std::move(options)}, settings,
+                                 frame);
+  }
+  /// Returns the view as a shot that shows no other.
+  static render::RenderedView render_shown(const store::Take& take,
+                                           const render::VirtualCamera& view,
+                                           schemas::OptionValues options,
+                                           const render::RendererOptions& settings = {}) {
+    render::ReconstructionOptions how{"depth", {0, 0, 0, 1}, std::move(options)};
+    how.shown_views = {view};
+    return render_reconstruction(take, view, how, settings, 0);
+  }
+  static render::RenderedView render_reconstruction(const store::Take& take,
+                                                    const render::VirtualCamera& view,
+                                                    const render::ReconstructionOptions& how,
+                                                    const render::RendererOptions& settings,
+                                                    int frame) {
     const store::FrameSelection frames =
         store::select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
-    return render::LightFieldRenderer(take, settings)
-        .render(view, frames, {"depth", {0, 0, 0, 1}, std::move(options)});
+    return render::LightFieldRenderer(take, settings).render(view, frames, how);
   }
   std::vector<std::filesystem::path> stored_depth_files() const {
     std::vector<std::filesystem::path> files;

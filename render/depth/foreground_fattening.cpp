@@ -22,41 +22,46 @@ namespace {
 
 using namespace foreground_fattening;
 
+/// Writes the minima over windows of `window` values to `to`, from each value of `from` on, `step`
+/// apart; `count` of them. Doubles the window until it is reached, so that vectors take part.
+/// Needs `window` - 1 more values than `count` in `from`, which it changes.
+template <class Value>
+void forward_minimum(Value* from, Value* to, std::ptrdiff_t step, std::ptrdiff_t count,
+                     int window) {
+  std::ptrdiff_t all = count + (window - 1) * step;
+  int width = 1;
+  for (; 2 * width <= window; width *= 2) {
+    all -= width * step;
+    for (std::ptrdiff_t i = 0; i < all; ++i) from[i] = std::min(from[i], from[i + width * step]);
+  }
+  const std::ptrdiff_t rest = (window - width) * step;
+  for (std::ptrdiff_t i = 0; i < count; ++i) to[i] = std::min(from[i], from[i + rest]);
+}
+
 /// Applies a running minimum over `reach` pixels to both sides, along rows and columns.
 template <class Value>
 void minimum_within(std::vector<Value>& values, int width, int height, int reach) {
-  // The minimum over a window of 2 reach + 1 values from those of blocks of that size, from both
-  // ends (van Herk 1992).
-  const auto filter = [reach](Value* first, std::ptrdiff_t step, int count,
-                              std::vector<Value>& before, std::vector<Value>& after) {
-    constexpr Value kMost = std::numeric_limits<Value>::max();
-    const int window = 2 * reach + 1, padded = count + 2 * reach;
-    const auto at = [&](int i) {
-      return i < reach || i >= reach + count ? kMost : first[(i - reach) * step];
-    };
-    before.resize(static_cast<std::size_t>(padded));
-    after.resize(static_cast<std::size_t>(padded));
-    for (int i = 0; i < padded; ++i) {
-      before[i] = i % window == 0 ? at(i) : std::min(before[i - 1], at(i));
-    }
-    for (int i = padded; i-- > 0;) {
-      after[i] = i + 1 == padded || (i + 1) % window == 0 ? at(i) : std::min(after[i + 1], at(i));
-    }
-    for (int i = 0; i < count; ++i) {
-      first[i * step] = std::min(after[i], before[i + 2 * reach]);
-    }
-  };
+  constexpr Value kMost = std::numeric_limits<Value>::max();
+  const int window = 2 * reach + 1;
   raystage::parallel_for(0, height, [&](int y) {
-    std::vector<Value> before, after;
-    filter(values.data() + static_cast<std::ptrdiff_t>(y) * width, 1, width, before, after);
+    std::vector<Value> padded(static_cast<std::size_t>(width) + 2 * reach, kMost);
+    Value* row = values.data() + static_cast<std::ptrdiff_t>(y) * width;
+    std::copy_n(row, width, padded.data() + reach);
+    forward_minimum(padded.data(), row, 1, width, window);
   });
-  constexpr int kColumns = 16;
+  constexpr int kColumns = 64;
   raystage::parallel_for(0, (width + kColumns - 1) / kColumns, [&](int strip) {
-    std::vector<Value> before, after;
-    const int end = std::min(width, (strip + 1) * kColumns);
-    for (int x = strip * kColumns; x < end; ++x) {
-      filter(values.data() + x, width, height, before, after);
+    const int first = strip * kColumns, columns = std::min(kColumns, width - first);
+    const std::ptrdiff_t pitch = columns;
+    std::vector<Value> padded(static_cast<std::size_t>(columns) * (height + 2 * reach), kMost);
+    const auto row = [&](int y) {
+      return values.data() + static_cast<std::ptrdiff_t>(y) * width + first;
+    };
+    for (int y = 0; y < height; ++y) {
+      std::copy_n(row(y), columns, padded.data() + (y + reach) * pitch);
     }
+    forward_minimum(padded.data(), padded.data(), pitch, height * pitch, window);
+    for (int y = 0; y < height; ++y) std::copy_n(padded.data() + y * pitch, columns, row(y));
   });
 }
 

@@ -7,6 +7,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
+#include <optional>
+#include <vector>
 
 #include "base/parallel.h"
 #include "base/transfer_function.h"
@@ -44,33 +47,98 @@ std::vector<LumaChroma> luma_chroma_of(const store::DecodedFrame& frame, store::
   return pixels;
 }
 
+struct Position {
+  double x = 0, y = 0;  ///< pixels
+  bool is_shown = false;
+};
+
+/// The pixels of a frame that the pixels of a pinhole show. The lens model is computed at every
+/// kStep-th pixel of a row and interpolated by cubics between them (to 1e-5 pixels for the lenses
+/// of cameras), but where it is not valid nearby.
+class FramePositions {
+ public:
+  FramePositions(const rig::CameraModel& model, const VirtualCamera& pinhole)
+      : model_(model),
+        k_(pinhole.intrinsics),
+        width_(pinhole.width),
+        step_(k_.fx >= kMostStep / kMostAngle ? kMostStep : 1) {}
+
+  void find(int y, std::vector<Position>& row) {
+    row.resize(static_cast<std::size_t>(width_));
+    const int nodes = (width_ - 1) / step_ + 4;  // one before the row, two after it
+    nodes_.clear();
+    for (int i = 0; i < nodes; ++i) nodes_.push_back(exact((i - 1) * step_, y));
+    for (int x = 0; x < width_; ++x) {
+      const std::optional<Eigen::Vector2d>* at = nodes_.data() + x / step_;
+      if (!at[0] || !at[1] || !at[2] || !at[3]) {
+        const auto found = exact(x, y);
+        row[x] = found ? position(found->x(), found->y()) : Position{};
+        continue;
+      }
+      const std::array<double, 4>& w = weights_[x % step_];
+      const Eigen::Vector2d sum = w[0] * *at[0] + w[1] * *at[1] + w[2] * *at[2] + w[3] * *at[3];
+      row[x] = position(sum.x(), sum.y());
+    }
+  }
+
+ private:
+  static constexpr int kMostStep = 8;             // pixels
+  static constexpr double kMostAngle = 1.0 / 50;  // radians
+
+  std::optional<Eigen::Vector2d> exact(int x, int y) const {
+    return model_.pixel_from_ideal({(x + 0.5 - k_.cx) / k_.fx, (y + 0.5 - k_.cy) / k_.fy});
+  }
+  Position position(double x, double y) const {
+    return {x, y, x >= 0 && y >= 0 && x <= model_.width() && y <= model_.height()};
+  }
+  /// Returns Lagrange's weights of four nodes, between the middle two.
+  static std::array<std::array<double, 4>, kMostStep> cubic_weights() {
+    std::array<std::array<double, 4>, kMostStep> weights{};
+    for (int i = 0; i < kMostStep; ++i) {
+      const double t = static_cast<double>(i) / kMostStep;
+      weights[i] = {-t * (t - 1) * (t - 2) / 6, (t + 1) * (t - 1) * (t - 2) / 2,
+                    -(t + 1) * t * (t - 2) / 2, (t + 1) * t * (t - 1) / 6};
+    }
+    return weights;
+  }
+
+  const rig::CameraModel& model_;
+  const schemas::Intrinsics& k_;
+  int width_, step_;
+  std::array<std::array<double, 4>, kMostStep> weights_ = cubic_weights();
+  std::vector<std::optional<Eigen::Vector2d>> nodes_;
+};
+
 /// Returns the frame's values at the pinhole's pixels, 0 where the frame does not show them.
 std::vector<LumaChroma> without_distortion(const std::vector<LumaChroma>& pixels,
                                            const rig::CameraModel& model,
                                            const VirtualCamera& pinhole) {
   std::vector<LumaChroma> straight(static_cast<std::size_t>(pinhole.width) * pinhole.height);
-  const schemas::Intrinsics& k = pinhole.intrinsics;
-  raystage::parallel_for(0, pinhole.height, [&](int y) {
-    for (int x = 0; x < pinhole.width; ++x) {
-      const auto pixel = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
-      const bool is_shown = pixel && pixel->x() >= 0 && pixel->y() >= 0 &&
-                            pixel->x() <= model.width() && pixel->y() <= model.height();
-      if (!is_shown) continue;
-      const double u = std::clamp(pixel->x() - 0.5, 0.0, model.width() - 1.0);
-      const double v = std::clamp(pixel->y() - 0.5, 0.0, model.height() - 1.0);
-      const int left = static_cast<int>(u), top = static_cast<int>(v);
-      const auto at = [&](int column, int row) -> const LumaChroma& {
-        return pixels[static_cast<std::size_t>(std::min(row, model.height() - 1)) * model.width() +
-                      static_cast<std::size_t>(std::min(column, model.width() - 1))];
-      };
-      const LumaChroma &a = at(left, top), &b = at(left + 1, top), &c = at(left, top + 1),
-                       &d = at(left + 1, top + 1);
-      const double right = u - left, down = v - top;
-      LumaChroma& result = straight[static_cast<std::size_t>(y) * pinhole.width + x];
-      for (std::size_t i = 0; i < result.size(); ++i) {
-        const double upper = a[i] * (1 - right) + b[i] * right;
-        const double lower = c[i] * (1 - right) + d[i] * right;
-        result[i] = static_cast<std::uint8_t>(upper + down * (lower - upper) + 0.5);
+  constexpr int kRows = 8;
+  raystage::parallel_for(tbb::blocked_range<int>(0, pinhole.height, kRows), [&](const auto& rows) {
+    FramePositions positions(model, pinhole);
+    std::vector<Position> row;
+    const float last_x = static_cast<float>(model.width() - 1),
+                last_y = static_cast<float>(model.height() - 1);
+    for (int y = rows.begin(); y < rows.end(); ++y) {
+      positions.find(y, row);
+      LumaChroma* to = &straight[static_cast<std::size_t>(y) * pinhole.width];
+      for (const Position& at : row) {
+        LumaChroma& result = *to++;
+        if (!at.is_shown) continue;
+        const float u = std::clamp(static_cast<float>(at.x - 0.5), 0.0F, last_x),
+                    v = std::clamp(static_cast<float>(at.y - 0.5), 0.0F, last_y);
+        const int left = static_cast<int>(u), top = static_cast<int>(v);
+        const LumaChroma* a = &pixels[static_cast<std::size_t>(top) * model.width() + left];
+        const std::ptrdiff_t next = left + 1 < model.width() ? 1 : 0;
+        const LumaChroma* c = top + 1 < model.height() ? a + model.width() : a;
+        const float right = u - static_cast<float>(left), down = v - static_cast<float>(top);
+        for (std::size_t i = 0; i < result.size(); ++i) {
+          const auto value = [i](const LumaChroma& pixel) { return static_cast<float>(pixel[i]); };
+          const float upper = value(a[0]) + right * (value(a[next]) - value(a[0]));
+          const float lower = value(c[0]) + right * (value(c[next]) - value(c[0]));
+          result[i] = static_cast<std::uint8_t>(upper + down * (lower - upper) + 0.5F);
+        }
       }
     }
   });

@@ -42,7 +42,7 @@ void visibility(const VisibilityRun& run) {
   const float* values = run.depths->values.data();
   const float* blocks = run.nearest->values.data();
   const auto block_pitch = hn::Set(di, run.nearest->width);
-  const auto tolerance = hn::Set(d, run.tolerance);
+  const auto tolerance = hn::Set(d, run.tolerance), outside = hn::Set(d, run.outside);
   HWY_ALIGN float inverse_depth[kMaxRunPixels], visible[kMaxRunPixels];
   std::copy(run.inverse_depth.begin(), run.inverse_depth.end(), inverse_depth);
   std::fill(inverse_depth + count, inverse_depth + std::min(kMaxRunPixels, count + lanes), 0.0F);
@@ -59,7 +59,7 @@ void visibility(const VisibilityRun& run) {
     const auto nearest = hn::GatherIndex(d, blocks, block);
     const auto clear = hn::Le(nearest, hn::Add(place.inverse_depth, tolerance));
     if (hn::AllFalse(d, hn::AndNot(clear, place.inside))) {
-      hn::Store(one, d, visible + i);
+      hn::Store(hn::IfThenElse(place.inside, one, outside), d, visible + i);
       continue;
     }
     const auto sight = [&](auto x, auto y) HWY_ATTR {
@@ -71,7 +71,7 @@ void visibility(const VisibilityRun& run) {
     const auto upper = hn::MulAdd(right, hn::Sub(sight(x1, y0), upper_left), upper_left);
     const auto lower = hn::MulAdd(right, hn::Sub(sight(x1, y1), lower_left), lower_left);
     const auto seen = hn::MulAdd(down, hn::Sub(lower, upper), upper);
-    hn::Store(hn::IfThenElse(place.inside, seen, one), d, visible + i);
+    hn::Store(hn::IfThenElse(place.inside, seen, outside), d, visible + i);
   }
   std::copy_n(visible, count, run.visible.begin());
 }
@@ -111,7 +111,7 @@ void surface_share(const VisibilityRun& run, std::span<float> at_surface) {
     const auto upper = hn::MulAdd(right, hn::Sub(is_there(x1, y0), upper_left), upper_left);
     const auto lower = hn::MulAdd(right, hn::Sub(is_there(x1, y1), lower_left), lower_left);
     const auto all = hn::MulAdd(down, hn::Sub(lower, upper), upper);
-    hn::Store(hn::IfThenElse(place.inside, all, one), d, share + i);
+    hn::Store(hn::IfThenElse(place.inside, all, hn::Set(d, run.outside)), d, share + i);
   }
   std::copy_n(share, count, at_surface.begin());
 }

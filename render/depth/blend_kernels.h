@@ -12,7 +12,7 @@ inline constexpr int kMaxRunPixels = 64;  ///< pixels per kernel call
 /// Inputs and output of compute_visibility(): how far a camera sees the points of a run of a view's
 /// pixels, by its own depths. The visibility is 1 up to `tolerance` (1/m) behind them and falls to
 /// 0 at kOcclusionRamp times the tolerance. It is bilinear between the camera's pixels, so edges
-/// are soft. It is 1 outside the camera's image and where its depth is unknown.
+/// are soft. It is `outside` beyond the camera's depths, and 1 where its depth is unknown.
 struct VisibilityRun {
   int x = 0, y = 0;                          ///< first pixel of the view
   PixelTransfer transfer;                    ///< from the view to the camera
@@ -20,13 +20,14 @@ struct VisibilityRun {
   const InverseDepthMap* nearest = nullptr;  ///< block_nearest_depths() of `depths`
   std::span<const float> inverse_depth;      ///< of at most kMaxRunPixels pixels of the view
   float tolerance = 0;
+  float outside = 1;         ///< visibility outside of `depths`
   std::span<float> visible;  ///< output, 0 to 1
 };
 inline constexpr float kOcclusionRamp = 1.5F;
 void compute_visibility(const VisibilityRun& run);
 /// Writes the part of the visibility for which the camera's own depth is that of the point: it
 /// falls from 1 to 0 where its depth is `tolerance` to kOcclusionRamp times that behind the point,
-/// too. Where its depth is unknown, and outside of its image, nothing speaks against the point: 1.
+/// too. Where its depth is unknown, nothing speaks against the point: 1.
 /// `run.visible` and `run.nearest` are not used; `at_surface` is as long as `run.inverse_depth`.
 void compute_surface_share(const VisibilityRun& run, std::span<float> at_surface);
 

@@ -21,6 +21,8 @@ using testing::random_depths;
 using testing::transfer_point;
 using testing::TransferredPoint;
 
+constexpr float kOutside = 0.25F;  // visibility beyond a camera's depths
+
 class BlendKernels : public testing::DepthKernelsTest {};
 
 TEST_F(BlendKernels, SeesAsTheReference) {
@@ -41,11 +43,12 @@ TEST_F(BlendKernels, SeesAsTheReference) {
       int part = 0, all = 0;
       for (const int y : {0, 14, kHeight - 1}) {
         const std::span<const float> depths(own->values.data() + y * kWidth, kWidth);
-        compute_visibility({0, y, partners_[1].transfer, its, &nearest, depths, 0.1F, visible});
+        compute_visibility(
+            {0, y, partners_[1].transfer, its, &nearest, depths, 0.1F, kOutside, visible});
         for (int x = 0; x < kWidth; ++x) {
           const TransferredPoint p =
               transfer_point(partners_[1].transfer, x + 0.5, y + 0.5, depths[x]);
-          const double expected = !p.inside ? 1 : bilinear(p.u, p.v, [&](int i, int j) {
+          const double expected = !p.inside ? kOutside : bilinear(p.u, p.v, [&](int i, int j) {
             const double nearer = its->at(i, j) - p.inverse_depth;
             return std::clamp((kOcclusionRamp - nearer / 0.1) / (kOcclusionRamp - 1), 0.0, 1.0);
           });
@@ -75,14 +78,15 @@ TEST_F(BlendKernels, SharesOfSurfacesAreThoseOfTheReference) {
                                             static_cast<std::size_t>(count));
         std::vector<float> share(static_cast<std::size_t>(count));
         compute_surface_share(
-            {first, y, partners_[1].transfer, &theirs, &nearest, depths, kTolerance, {}}, share);
+            {first, y, partners_[1].transfer, &theirs, &nearest, depths, kTolerance, kOutside, {}},
+            share);
         for (int x = 0; x < count; ++x) {
           const TransferredPoint p =
               transfer_point(partners_[1].transfer, first + x + 0.5, y + 0.5, depths[x]);
           const auto ramp = [](double excess) {
             return std::clamp((kOcclusionRamp - excess) / (kOcclusionRamp - 1), 0.0, 1.0);
           };
-          const double expected = !p.inside ? 1 : bilinear(p.u, p.v, [&](int i, int j) {
+          const double expected = !p.inside ? kOutside : bilinear(p.u, p.v, [&](int i, int j) {
             const auto its = static_cast<double>(theirs.at(i, j));
             const double excess = (its - p.inverse_depth) / kTolerance;
             return its < 0 ? 1.0 : ramp(excess) * ramp(-excess);

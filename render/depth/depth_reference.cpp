@@ -206,7 +206,7 @@ double point_visibility(const DepthViewPlan& plan, int camera, const Eigen::Vect
                                            [&](double excess, bool /*is_unknown*/, double weight) {
                                              seen += weight * visible_ramp(excess);
                                            });
-  return is_inside ? seen : 1;
+  return is_inside ? seen : static_cast<double>(visibility_outside(plan));
 }
 
 double point_surface_share(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
@@ -216,7 +216,7 @@ double point_surface_share(const DepthViewPlan& plan, int camera, const Eigen::V
       plan, camera, towards, inverse_depth, [&](double excess, bool is_unknown, double weight) {
         there += weight * (is_unknown ? 1 : visible_ramp(excess) * visible_ramp(-excess));
       });
-  return is_inside ? there : 1;
+  return is_inside ? there : static_cast<double>(visibility_outside(plan));
 }
 
 void measure_coverage(const ViewRequest& request, const DepthViewPlan& plan, RenderedView& image) {

@@ -367,6 +367,10 @@ float visibility_tolerance(const DepthViewPlan& plan) {
                             (per_pixel > 0 ? per_pixel : 1));
 }
 
+float visibility_outside(const DepthViewPlan& plan) {
+  return plan.settings.estimation.regions.empty() ? 1.0F : 0.0F;
+}
+
 }  // namespace depth
 
 namespace {

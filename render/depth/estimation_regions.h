@@ -25,7 +25,7 @@ using EstimationRegions = std::vector<PixelRectangle>;
 bool has_region(const EstimationRegions& regions, int camera);
 
 /// Returns the parts that LightFieldFrame::shown_views read: of the `cameras` with the largest
-/// weights of each ray, those pixels that may show a point of the scene that is in view, and a
+/// weights of each ray, except those of little weight, those pixels that may show a point of the scene that is in view, and a
 /// margin. All of all cameras if there are no such views, or if that saves little. Cost: a
 /// millisecond per view.
 EstimationRegions needed_regions(const LightFieldFrame& instant, const schemas::DepthRange& scene,

@@ -22,6 +22,7 @@
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/fusion.h"
 #include "render/depth/temporal_filter.h"
+#include "render/depth/temporal_motion.h"
 #include "render/depth/warp.h"
 
 namespace raystage::render {
@@ -48,7 +49,7 @@ constexpr std::array kOptions{
                 "take need: for takes that several shots show"),
     flag_option("temporal", false,
                 "average depths with those of the adjacent ticks of the timeline, where a "
-                "camera's picture does not change"),
+                "camera's picture stands still or its motion can be followed"),
     flag_option("soft_edges", true,
                 "pixels at edges of depth show two surfaces: the one in front covers a part of "
                 "each"),
@@ -162,14 +163,16 @@ std::vector<LightFieldFrame> adjacent_instants(const LightFieldFrame& instant) {
   return instants;
 }
 
-MatchingImage picture_of(const LightFieldFrame& instant, std::size_t camera,
-                         const CameraDepths& depths, std::atomic<std::int64_t>& pixels_decoded) {
+Luma picture_of(const LightFieldFrame& instant, std::size_t camera, const CameraDepths& depths,
+                std::atomic<std::int64_t>& pixels_decoded) {
   std::int64_t decoded = 0;
   const auto frame = instant.opaque_frames().fetch(static_cast<int>(camera),
                                                    instant.frame_of_camera[camera], {}, decoded);
   pixels_decoded += decoded;
-  return {*frame, instant.opaque_frames().blend_space(), instant.rig->cameras[camera],
-          depths.pinholes[camera]};
+  const VirtualCamera& pinhole = depths.pinholes[camera];
+  const MatchingImage image(*frame, instant.opaque_frames().blend_space(),
+                            instant.rig->cameras[camera], pinhole);
+  return {pinhole.width, pinhole.height, image.plane()};
 }
 
 /// Returns an instant's depths averaged with those of the adjacent instants. Memory: the maps of
@@ -194,27 +197,31 @@ std::shared_ptr<const NotedDepths> time_averaged_depths(
     CameraDepths& depths = kept->depths;
     const auto tolerance =
         static_cast<float>(estimation.tolerance_px * depths.inverse_depth_per_pixel);
-    constexpr std::size_t kBytesPerPixel = 30;  // a frame, three pictures, the new map
+    // Three frames and their pictures, two moved ones with their depths, flow and its scratch.
+    constexpr std::size_t kBytesPerPixel = 150;
     std::size_t most = 1;
     for (const InverseDepthMap& map : depths.maps) most = std::max(most, map.values.size());
     const std::size_t in_flight =
         std::clamp<std::size_t>(working_bytes / (most * kBytesPerPixel), 1, depths.maps.size());
     work.bytes = std::max(work.bytes, in_flight * most * kBytesPerPixel);
     std::atomic<std::int64_t> decoded = 0;
+    store::use_one_opencv_thread();
     const auto never = [] { return false; };
     parallel_for_in_order(depths.maps.size(), in_flight, never, [&](std::size_t i) {
       if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
-      std::vector<MatchingImage> pictures;
-      std::vector<TemporalNeighbour> others;
-      pictures.reserve(adjacent.size());
+      const Luma now = picture_of(instant, i, depths, decoded);
+      store::OpticalFlowEstimator flow;
+      std::vector<PictureWithDepths> moved;
       for (std::size_t j = 0; j < adjacent.size(); ++j) {
         if (!adjacent[j].is_present(static_cast<int>(i))) continue;
-        pictures.push_back(picture_of(adjacent[j], i, depths, decoded));
-        others.push_back({&pictures.back(), &adjacent_depths[j]->depths.maps[i]});
+        moved.push_back(moved_along_flow(
+            now, {picture_of(adjacent[j], i, depths, decoded), adjacent_depths[j]->depths.maps[i]},
+            flow));
       }
-      if (others.empty()) return;
-      depths.maps[i] = temporal_filter(depths.maps[i], picture_of(instant, i, depths, decoded),
-                                       others, tolerance);
+      if (moved.empty()) return;
+      std::vector<TemporalNeighbour> others;
+      for (const PictureWithDepths& other : moved) others.push_back({&other.luma, &other.depths});
+      depths.maps[i] = temporal_filter(depths.maps[i], now, others, tolerance);
     });
     work.pixels_decoded += decoded;
     depths.compute_block_nearest();

@@ -20,8 +20,8 @@ float stillness(float codes) { return std::clamp(2 - codes / kStaticLumaThreshol
 /// columns at the border are repeated outwards.
 class ChangeRows {
  public:
-  ChangeRows(const MatchingImage& a, const MatchingImage& b)
-      : a_(a), b_(b), columns_(static_cast<std::size_t>(a.width())) {}
+  ChangeRows(const Luma& a, const Luma& b)
+      : a_(a), b_(b), columns_(static_cast<std::size_t>(a.width)) {}
 
   /// Writes the window's mean at each pixel of row y; rows must be requested in turn, from 0.
   void means(int y, std::vector<float>& of_row) {
@@ -32,10 +32,10 @@ class ChangeRows {
       add(y + kStaticWindowRadius, 1);
     }
     constexpr float kPixels = (2 * kStaticWindowRadius + 1) * (2 * kStaticWindowRadius + 1);
-    const auto column = [&](int x) { return columns_[std::clamp(x, 0, a_.width() - 1)]; };
+    const auto column = [&](int x) { return columns_[std::clamp(x, 0, a_.width - 1)]; };
     int sum = 0;
     for (int i = -kStaticWindowRadius; i <= kStaticWindowRadius; ++i) sum += column(i);
-    for (int x = 0; x < a_.width(); ++x) {
+    for (int x = 0; x < a_.width; ++x) {
       of_row[x] = static_cast<float>(sum) / kPixels;
       sum += column(x + kStaticWindowRadius + 1) - column(x - kStaticWindowRadius);
     }
@@ -43,24 +43,23 @@ class ChangeRows {
 
  private:
   void add(int row, int sign) {
-    const int y = std::clamp(row, 0, a_.height() - 1);
-    for (int x = 0; x < a_.width(); ++x) {
-      columns_[x] +=
-          sign * std::abs(static_cast<int>(a_.luma(x, y)) - static_cast<int>(b_.luma(x, y)));
+    const int y = std::clamp(row, 0, a_.height - 1);
+    for (int x = 0; x < a_.width; ++x) {
+      columns_[x] += sign * std::abs(static_cast<int>(a_.at(x, y)) - static_cast<int>(b_.at(x, y)));
     }
   }
 
-  const MatchingImage &a_, &b_;
+  const Luma &a_, &b_;
   std::vector<int> columns_;
 };
 
 }  // namespace
 
-InverseDepthMap temporal_filter(const InverseDepthMap& depths, const MatchingImage& picture,
+InverseDepthMap temporal_filter(const InverseDepthMap& depths, const Luma& luma,
                                 std::span<const TemporalNeighbour> others, float tolerance) {
   const auto width = static_cast<std::size_t>(depths.width);
   std::vector<ChangeRows> changes;
-  for (const TemporalNeighbour& other : others) changes.emplace_back(picture, *other.picture);
+  for (const TemporalNeighbour& other : others) changes.emplace_back(luma, *other.luma);
   std::vector<float> change(width), sum(width), weights(width);
   InverseDepthMap result = depths;
   for (int y = 0; y < depths.height; ++y) {
@@ -85,8 +84,7 @@ InverseDepthMap temporal_filter(const InverseDepthMap& depths, const MatchingIma
   return result;
 }
 
-InverseDepthMap temporal_filter_reference(const InverseDepthMap& depths,
-                                          const MatchingImage& picture,
+InverseDepthMap temporal_filter_reference(const InverseDepthMap& depths, const Luma& luma,
                                           std::span<const TemporalNeighbour> others,
                                           float tolerance) {
   InverseDepthMap result = depths;
@@ -103,8 +101,8 @@ InverseDepthMap temporal_filter_reference(const InverseDepthMap& depths,
           for (int i = x - kStaticWindowRadius; i <= x + kStaticWindowRadius; ++i, ++pixels) {
             const int column = std::clamp(i, 0, depths.width - 1);
             const int row = std::clamp(j, 0, depths.height - 1);
-            change += std::abs(static_cast<double>(picture.luma(column, row)) -
-                               static_cast<double>(other.picture->luma(column, row)));
+            change += std::abs(static_cast<double>(luma.at(column, row)) -
+                               static_cast<double>(other.luma->at(column, row)));
           }
         }
         const double still =

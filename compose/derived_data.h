@@ -25,7 +25,7 @@ struct DerivedFrameData {
   int tick = 0;                ///< as ShownTick::tick: beyond the timeline for exact times
   std::filesystem::path file;  ///< where the data is stored
   bool is_stored = false;      ///< the file exists
-    std::vector<int> frames;     ///< of the shot that need it, sorted
+  std::vector<int> frames;     ///< of the shot that need it, sorted
   std::vector<render::VirtualCamera> shown_views = {};  ///< as ReconstructionOptions
 };
 

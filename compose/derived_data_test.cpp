@@ -147,6 +147,50 @@ TEST_F(Preparation, StoresAdjacentTicksForTemporal) {
   EXPECT_THAT(all.instants[2].frames, ElementsAre(102));
 }
 
+/// Returns the bytes of each frame, rendered in these chunks with depths of their own.
+std::map<std::string, std::string> rendered_in(const std::vector<std::vector<int>>& chunks,
+                                               const fs::path& folder, const fs::path& shot,
+                                               SequenceOptions options) {
+  for (std::size_t i = 0; i < chunks.size(); ++i) {
+    options.frames = chunks[i];
+    options.output = (folder / "a.####.exr").string();
+    options.cache_folder = folder.string() + std::to_string(i);
+    EXPECT_EQ(render_sequence(shot, options, {}).rendered, static_cast<int>(chunks[i].size()));
+  }
+  return contents(folder);
+}
+
+/// Of a moving take only parts are estimated: those that all frames of the shot read.
+TEST_F(Preparation, OfAMovingTakeFramesAreTheSameInChunksOfAnySize) {
+  write_actor_take(0.05);
+  shot_.layers.front().take = "actor";
+  shot_.layers.front().speed = 0.5;
+  shot_.fps = shot_.fps_numerator = 15;
+  shot_.last_frame = 104;
+  shot_.camera.keys = {testing::camera_key(101, {-0.05, 0.05, 0}, 12),
+                       testing::camera_key(104, {0.04, -0.05, 0}, 12)};
+  for (auto& key : shot_.camera.keys) key.shutter_deg = 180;
+  for (const bool exact : {false, true}) {
+    using Time = schemas::ShotDocument::Layer::Time;
+    shot_.layers.front().time = exact ? Time::kExact : Time::kTick;
+    const Needed all = needed(cache("prepared"));
+    ASSERT_FALSE(all.instants.empty());
+    for (const DerivedFrameData& instant : all.instants) {
+      EXPECT_EQ(instant.file.stem().extension().string().size(), 17U) << "INSTANT.REGIONS.zst";
+    }
+    const std::string name = exact ? "exact" : "ticks";
+    const auto whole =
+        rendered_in({{101, 102, 103, 104}}, cache(name + "whole"), shot_file(), options_);
+    EXPECT_EQ(whole.size(), 4U);
+    EXPECT_TRUE(rendered_in({{103, 104}, {101}, {102}}, cache(name + "chunks"), shot_file(),
+                            options_) == whole);
+    // And all that they read was prepared.
+    EXPECT_EQ(prepare(cache(name)).exit_code(), ExitCode::kSuccess);
+    options_.cache_folder = cache(name);
+    EXPECT_EQ(run().light_field_frames_estimated, 0);
+  }
+}
+
 TEST_F(Preparation, StoresTheProxyOfLumigraph) {
   shot_.layers.front().method = "lumigraph";
   shot_.layers.front().options = {{"proxy", std::string("depth")}};

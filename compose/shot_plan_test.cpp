@@ -63,8 +63,14 @@ TEST_F(ShotPlans, StatesTheViewsThatAMovingTakeShows) {
   EXPECT_THAT(stated(), ElementsAre(1, 1, 1));
   shot_.layers.front().speed = 0.5;  // two frames of the shot for each tick
   EXPECT_THAT(stated(), ElementsAre(2, 2, 2)) << "also of frames that are not asked for";
+  shot_.last_frame = 140;
+  shot_.layers.front().speed = 0.27;  // three or four frames for each tick
+  for (const std::size_t views : stated()) EXPECT_THAT(views, ::testing::AnyOf(2, 3, 4));
+  shot_.layers.front().speed = 0.22;  // four or five: too many in the mean, of all alike
+  EXPECT_THAT(stated(), ElementsAre(0, 0, 0));
   shot_.layers.front().speed = 0;
   EXPECT_THAT(stated(), ElementsAre(0, 0, 0)) << "any view may be shown of a time that stands";
+  shot_.last_frame = 106;
   shot_.layers.front().speed = 1;
   shot_.camera.stereo = schemas::ShotDocument::Stereo{};
   EXPECT_THAT(stated(), ElementsAre(2, 2, 2));

@@ -22,7 +22,8 @@ class ShownViews {
   ShownViews(const ShotPlan& plan, MissingFrames policy) : plan_(plan), policy_(policy) {}
 
   /// Returns the views, both eyes' and while the shutter is open, of a tick (ShownTick::tick) of a
-  /// layer. Empty: any may be shown, also as more than render::kMostFramesOfShownViews show it, or
+  /// layer. Empty: any may be shown, also where time stands (in the mean more than
+  /// render::kMostFramesOfShownViews frames show a tick, or more than twice as many this one), or
   /// single rays are asked of the layer. Empty also if its method does not depend on them.
   std::vector<render::VirtualCamera> of(std::size_t layer, int tick) const;
 
@@ -35,6 +36,8 @@ class ShownViews {
   };
 
   void find_times() const;
+  /// Forgets the times of a layer if its ticks are shown by many frames each.
+  void forget_if_time_stands(std::size_t layer) const;
   bool depends_on_views(std::size_t layer) const;
 
   const ShotPlan& plan_;

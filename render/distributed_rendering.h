@@ -21,7 +21,7 @@ namespace raystage::render {
 struct DistributedViewRequest {
   VirtualCamera view;            ///< as ViewRequest::view
   store::FrameSelection frames;  ///< of the timeline; without frames of excluded cameras
-    std::vector<std::vector<int>> adjacent_frames;  ///< as LightFieldFrame
+  std::vector<std::vector<int>> adjacent_frames;  ///< as LightFieldFrame
   std::vector<VirtualCamera> shown_views;         ///< as LightFieldFrame
   std::string method;
   schemas::OptionValues options;  ///< of the method

@@ -36,7 +36,7 @@ struct ReconstructionOptions {
   Eigen::Vector4d focal_plane{0, 0, 0, 1};
   schemas::OptionValues options = {};  ///< of the method, by name; see Method::options()
   schemas::HoleFill fill = schemas::HoleFill::kNone;
-    int max_supersampling = 64;  ///< as RendererOptions, the lower one counts; 1: for previews
+  int max_supersampling = 64;  ///< as RendererOptions, the lower one counts; 1: for previews
   std::vector<VirtualCamera> shown_views = {};  ///< as LightFieldFrame
 };
 

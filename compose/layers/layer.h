@@ -79,7 +79,7 @@ struct LayerView {
   std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not requested
   PreviewOptions preview = {};
   RottenCameras* rotten_cameras = nullptr;  ///< receives those of the view; null: not collected
-    double offset = 0;                        ///< within the exposure, frames from the frame
+  double offset = 0;                        ///< within the exposure, frames from the frame
   std::vector<render::VirtualCamera> shown_views = {};  ///< as ReconstructionOptions
 
   double time() const { return frame + offset; }  ///< frames

@@ -210,6 +210,8 @@ render::DistributedViewRequest distributed_view_request_from(const Json& json) {
   view.frames.difference.assign(view.frames.frame.size(), 0);
   view.frames.second = interpolated_from(json.at("interpolated"), view.frames.frame.size());
   view.adjacent_frames = value_of<std::vector<std::vector<int>>>(json.at("frames beside"));
+  constexpr std::size_t kMostShownViews = 1024;
+  if (json.at("shown views").size() > kMostShownViews) throw damaged();
   for (const Json& shown : json.at("shown views")) view.shown_views.push_back(view_from(shown));
   view.method = value_of<std::string>(json.at("method"));
   view.options = options_from(json.at("options"));

@@ -33,7 +33,7 @@ struct Comparison {
 LightFieldFrame without(const LightFieldFrame& instant, int camera) {
   LightFieldFrame rest = instant;
   rest.stored_data_counts = nullptr;  // measurements are never stored
-    rest.shown_views.clear();  // the camera left out is none of them
+  rest.shown_views.clear();           // the camera left out is none of them
   rest.frame_of_camera[camera] = -1;
   std::erase(rest.included_cameras, camera);
   const std::vector<int> present = rest.present_cameras();

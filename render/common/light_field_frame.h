@@ -42,7 +42,7 @@ struct LightFieldFrame {
   std::vector<std::vector<int>> adjacent_frames;
   /// Cameras with rotten frames among these, which were replaced by -1; in increasing order.
   std::vector<int> rotten_cameras;
-    std::vector<int> included_cameras;  ///< cameras that are not excluded, in increasing order
+  std::vector<int> included_cameras;  ///< cameras that are not excluded, in increasing order
   /// All views that are shown of the light field frame; empty: any may be. A method may derive only
   /// what they read: Method::depends_on_shown_views().
   std::vector<VirtualCamera> shown_views;

@@ -189,7 +189,7 @@ class Method {
   virtual bool shows_foreground_only() const { return false; }
   /// Returns whether pixels depend on LightFieldFrame::adjacent_frames.
   virtual bool reads_adjacent_frames(const MethodOptions& /*options*/) const { return false; }
-    /// Returns whether pixels depend on LightFieldFrame::shown_views.
+  /// Returns whether pixels depend on LightFieldFrame::shown_views.
   virtual bool depends_on_shown_views(const MethodOptions& /*options*/) const { return false; }
   /// Returns whether pixels do not depend on pixels in other rows, so that any rows can be rendered
   /// separately. Results for all rows should be cached, because each band requests them again.

@@ -54,14 +54,24 @@ class Solver {
         group_(group),
         depths_(camera_depths_without_maps(instant, options)),
         images_(depths_.pinholes.size()) {
+    for (const rig::Rig::Camera& camera : instant.rig->cameras) {
+      whole_.push_back(undistorted(camera.model, camera.pose));
+    }
     std::vector<std::size_t> pixels;
     for (std::size_t i = 0; i < images_.size(); ++i) {
       if (!instant.is_present(static_cast<int>(i))) continue;
       members_.push_back(static_cast<int>(i));
-      pixels.push_back(pixels_of(depths_.pinholes[i]));
+      pixels.push_back(pixels_of(whole_[i]));
     }
     initial_pass_ = {positions_read(options.neighbours, Partners::kAll), true, false};
+    // Maps of those with depths, and pictures of all.
     fusion_pass_ = {positions_read(options.neighbours, Partners::kEstimated), true, true};
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      std::vector<std::size_t>& reads = fusion_pass_.reads[i];
+      for (const std::size_t other : initial_pass_.reads[i]) {
+        if (std::ranges::find(reads, other) == reads.end()) reads.push_back(other);
+      }
+    }
     refinement_pass_ = {positions_read(options.support_views, Partners::kEstimated), true, true};
     is_read_here_.assign(members_.size(), false);
     for (const EstimationPass* pass : {&initial_pass_, &fusion_pass_, &refinement_pass_}) {
@@ -104,6 +114,11 @@ class Solver {
   const VirtualCamera& pinhole(int camera) const { return depths_.pinholes[camera]; }
   const InverseDepthMap& map(int camera) const { return depths_.maps[camera]; }
   const MatchingImage& image(int camera) const { return images_[camera]; }
+  /// Returns the pixels of a camera whose depths are estimated.
+  MatchingImage own_image(int camera) const {
+    return options_.regions.empty() ? image(camera)
+                                    : image(camera).cropped(options_.regions[camera]);
+  }
   InverseDepthRange range(int camera) const {
     return inverse_depth_range_in_view(pinhole(camera), *instant_.rig, options_.scene);
   }
@@ -173,6 +188,12 @@ class Solver {
       std::memcpy(to.values.data(), received[from].data() + taken[from], bytes);
       taken[from] += bytes;
     }
+    for (std::size_t host = 0; host < hosts; ++host) {
+      if (static_cast<int>(host) == group_->rank() || taken[host] == received[host].size())
+        continue;
+      throw Error::failed("another host sent more depths than it should", "method depth",
+                          "Check that all hosts run the same program");
+    }
   }
 
   std::vector<std::vector<std::size_t>> positions_read(int count, Partners partners) const {
@@ -201,10 +222,15 @@ class Solver {
     constexpr std::size_t kRefineBytes = 44;   // costs, links, smoothed depths
     constexpr std::size_t kMoreToFuse = 24;    // voted depths, support, filled depths
     constexpr std::size_t kPlenty = 200;       // most cost volumes fit in memory
+    constexpr std::size_t kOwnBytes = 6;       // the part of the image that is estimated
     constexpr std::size_t kSmall = 1U << 17U;  // tables, weights of tiles, rows
     constexpr std::size_t kTile = 4 * kDepthTile * kDepthTile;
     CameraMemory most;
-    for (const int camera : members_) {
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      const int camera = members_[i];
+      if (is_read_here_[i]) {
+        most.minimum = std::max(most.minimum, kOpenBytes * pixels_of(whole_[camera]));
+      }
       if (!is_estimated(camera)) continue;
       const std::size_t pixels = pixels_of(pinhole(camera));
       const auto hypotheses = static_cast<std::size_t>(options_.neighbours) + 1;
@@ -212,8 +238,9 @@ class Solver {
           hypotheses * (depth_tile_count(pinhole(camera)) + 2) * kTile + kMoreToFuse * pixels;
       const matching::CostVolume volume = volume_of(camera);
       const std::size_t match = volume.planes > 1 ? matching::semi_global_bytes(volume, 0) : 0;
-      most.minimum = std::max({most.minimum, kOpenBytes * pixels, kRefineBytes * pixels, fuse,
-                               kSweepBytes * pixels + match});
+      const std::size_t passes =
+          std::max({kRefineBytes * pixels, fuse, kSweepBytes * pixels + match});
+      most.minimum = std::max(most.minimum, kOwnBytes * pixels + passes);
       most.sufficient = std::max(most.sufficient, kPlenty * pixels);
     }
     most.minimum += kSmall;
@@ -227,7 +254,8 @@ class Solver {
       const matching::CostVolume volume = volume_of(camera);
       if (!is_estimated(camera) || volume.planes <= 1) continue;
       constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
-      most = std::max(most, kSweepBytes * pixels_of(pinhole(camera)) +
+      constexpr std::size_t kOwnBytes = 6;
+      most = std::max(most, (kOwnBytes + kSweepBytes) * pixels_of(pinhole(camera)) +
                                 matching::semi_global_bytes(volume, kAll));
     }
     return most;
@@ -285,14 +313,16 @@ class Solver {
         instant_.opaque_frames().fetch(camera, instant_.frame_of_camera[camera], {}, decoded);
     pixels_decoded_ += decoded;
     images_[camera] = MatchingImage(*frame, instant_.opaque_frames().blend_space(),
-                                    instant_.rig->cameras[camera], depths_.pinholes[camera]);
+                                    instant_.rig->cameras[camera], whole_[camera]);
   }
 
   std::vector<NeighbourView> neighbour_views(int camera, int count, Partners partners) const {
     std::vector<NeighbourView> found;
     for (const int other : neighbours(camera, count, partners)) {
-      found.push_back(
-          {pixel_transfer(pinhole(other), pinhole(camera)), &image(other), &map(other)});
+      const PixelRectangle part =
+          options_.regions.empty() ? PixelRectangle{} : options_.regions[other];
+      found.push_back({pixel_transfer(whole_[other], pinhole(camera)), &image(other), &map(other),
+                       part.left, part.top});
     }
     return found;
   }
@@ -302,7 +332,8 @@ class Solver {
     const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, options_);
     InverseDepthMap guess(from.width, from.height, kUnknownDepth);
     if (planes.count == 0) return guess;
-    const std::vector<std::uint8_t> guide = image(camera).plane();
+    const MatchingImage own = own_image(camera);
+    const std::vector<std::uint8_t> guide = own.plane();
     if (planes.count == 1) {
       for (std::size_t i = 0; i < guide.size(); ++i) {
         if (guide[i] != 0) guess.values[i] = static_cast<float>(planes.farthest);
@@ -325,7 +356,7 @@ class Solver {
         [&](int y, std::span<std::uint8_t> costs) {
           MatchRow row;
           row.y = y;
-          row.image = &image(camera);
+          row.image = &own;
           row.neighbour_views = with;
           row.farthest = planes.farthest;
           row.step = planes.step;
@@ -357,7 +388,7 @@ class Solver {
     }
     return reduce_foreground_fattening(
         fuse_hypotheses(view, hypotheses, {tolerance(), depth_estimation::kMinSupport}),
-        image(camera), neighbour_views(camera, options_.neighbours, Partners::kEstimated),
+        own_image(camera), neighbour_views(camera, options_.neighbours, Partners::kAll),
         depths_.inverse_depth_per_pixel,
         fattening_reach(instant_.rig->cameras[camera].model.width()));
   }
@@ -389,7 +420,7 @@ class Solver {
   }
 
   InverseDepthMap refined_depths(int camera) const {
-    const MatchingImage& picture = image(camera);
+    const MatchingImage picture = own_image(camera);
     const EdgeWeights linked = links(map(camera), picture);
     InverseDepthMap smooth = map(camera);
     domain_transform_filter(smooth.values, 1, smooth.width, smooth.height, linked);
@@ -440,7 +471,8 @@ class Solver {
   const RankCommunicator* group_;
   CameraDepths depths_;
   std::vector<bool> is_read_here_;     // by member: a camera of this host reads its image
-  std::vector<MatchingImage> images_;  // by camera of the rig
+  std::vector<VirtualCamera> whole_;   // by camera of the rig: undistorted()
+  std::vector<MatchingImage> images_;  // of these
   std::vector<int> members_;
   EstimationPass initial_pass_, fusion_pass_, refinement_pass_;
   EstimationMemory memory_;

@@ -35,8 +35,9 @@ double bilinear(const Plane& plane, double u, double v) {
 
 /// See MatchingImage.
 struct Picture {
-  Plane luma;       ///< -1 if the frame does not show the pixel
-  Plane blue, red;  ///< less luma, halved, around 128
+  Plane luma;                         ///< -1 if the frame does not show the pixel
+  Plane blue, red;                    ///< less luma, halved, around 128
+  Image<std::uint8_t> is_shown = {};  ///< of a part: whether shows_pixel(); else empty
 
   bool shows(double u, double v) const {
     const int x = static_cast<int>(std::clamp(u - 0.5, 0.0, luma.width - 1.0));
@@ -44,7 +45,30 @@ struct Picture {
     return luma.at(x, y) >= 0 && luma.clamped(x + 1, y) >= 0 && luma.clamped(x, y + 1) >= 0 &&
            luma.clamped(x + 1, y + 1) >= 0;
   }
-  bool shows_pixel(int x, int y) const { return shows(x + 0.5, y + 0.5); }
+  bool shows_pixel(int x, int y) const {
+    return is_shown.values.empty() ? shows(x + 0.5, y + 0.5) : is_shown.at(x, y) != 0;
+  }
+
+  /// Returns a part; shows_pixel() still regards the pixels right of it and below it.
+  Picture part(const PixelRectangle& region) const {
+    const auto part_of = [&](const Plane& plane) {
+      Plane made(region.right - region.left, region.bottom - region.top);
+      for (int y = 0; y < made.height; ++y) {
+        for (int x = 0; x < made.width; ++x) {
+          made.at(x, y) = plane.at(region.left + x, region.top + y);
+        }
+      }
+      return made;
+    };
+    Picture made{part_of(luma), part_of(blue), part_of(red)};
+    made.is_shown = Image<std::uint8_t>(made.luma.width, made.luma.height);
+    for (int y = 0; y < made.luma.height; ++y) {
+      for (int x = 0; x < made.luma.width; ++x) {
+        made.is_shown.at(x, y) = shows_pixel(region.left + x, region.top + y) ? 1 : 0;
+      }
+    }
+    return made;
+  }
 };
 
 Picture picture_of(const store::DecodedFrame& frame, store::BlendSpace space,
@@ -61,9 +85,7 @@ Picture picture_of(const store::DecodedFrame& frame, store::BlendSpace space,
     red.values[i] = std::clamp(std::floor((code(4 * i) - y) / 2 + 128.5), 0.0, 255.0);
     blue.values[i] = std::clamp(std::floor((code(4 * i + 2) - y) / 2 + 128.5), 0.0, 255.0);
   }
-  if (!model.has_distortion() && pinhole.width == frame.width && pinhole.height == frame.height) {
-    return {luma, blue, red};
-  }
+  if (!model.has_distortion()) return {luma, blue, red};
   const Plane unknown(pinhole.width, pinhole.height, -1);
   Picture straight{unknown, unknown, unknown};
   const schemas::Intrinsics& k = pinhole.intrinsics;
@@ -110,12 +132,17 @@ class Reference {
         depths_(camera_depths_without_maps(instant, options)) {
     for (std::size_t i = 0; i < depths_.pinholes.size(); ++i) {
       pictures_.emplace_back();
+      whole_pictures_.emplace_back();
+      whole_.push_back(undistorted(instant.rig->cameras[i].model, instant.rig->cameras[i].pose));
       if (!instant.is_present(static_cast<int>(i))) continue;
       std::int64_t decoded = 0;
       const auto frame = instant.opaque_frames().fetch(static_cast<int>(i),
                                                        instant.frame_of_camera[i], {}, decoded);
-      pictures_[i] = picture_of(*frame, instant.opaque_frames().blend_space(),
-                                instant.rig->cameras[i].model, depths_.pinholes[i]);
+      whole_pictures_[i] = picture_of(*frame, instant.opaque_frames().blend_space(),
+                                      instant.rig->cameras[i].model, whole_[i]);
+      pictures_[i] = options.regions.empty() || options.regions[i].is_empty()
+                         ? whole_pictures_[i]
+                         : whole_pictures_[i].part(options.regions[i]);
     }
   }
 
@@ -205,9 +232,10 @@ class Reference {
     const Picture& own = picture(camera);
     std::vector<double> differences;
     for (const int other : others) {
-      const auto at = place_of(pinhole(other), pinhole(camera), x, y, depth);
-      if (!at || !own.shows_pixel(x, y) || !picture(other).shows(at->u, at->v)) continue;
-      const double off = bilinear(picture(other).luma, at->u, at->v) - own.luma.at(x, y);
+      const auto at = place_of(whole_[other], pinhole(camera), x, y, depth);
+      const Picture& its = whole_pictures_[other];
+      if (!at || !own.shows_pixel(x, y) || !its.shows(at->u, at->v)) continue;
+      const double off = bilinear(its.luma, at->u, at->v) - own.luma.at(x, y);
       differences.push_back(std::min(std::abs(off), truncation));
     }
     if (differences.empty()) return std::nullopt;
@@ -246,7 +274,7 @@ class Reference {
     using namespace foreground_fattening;
     const Picture& own = picture(camera);
     const int reach = fattening_reach(instant_.rig->cameras[camera].model.width());
-    const std::vector<int> others = estimated_neighbours(camera, options_.neighbours);
+    const std::vector<int> others = neighbours(camera, options_.neighbours);
     const auto apart = static_cast<float>(kApartPx * depths_.inverse_depth_per_pixel);
     InverseDepthMap behind(depths.width, depths.height, kUnknownDepth);
     Plane worse(depths.width, depths.height, 0);
@@ -376,17 +404,26 @@ class Reference {
     std::array<double, kRefineOffsets> costs{};
     int count = 0;
     for (const int other : estimated_neighbours(camera, options_.support_views)) {
-      const auto at = place_of(pinhole(other), from, x, y, present);
+      const auto at = place_of(whole_[other], from, x, y, present);
       if (!at) continue;
-      const double its = map(other).at(std::min(static_cast<int>(at->u), map(other).width - 1),
-                                       std::min(static_cast<int>(at->v), map(other).height - 1));
+      const PixelRectangle part =
+          options_.regions.empty() ? PixelRectangle{} : options_.regions[other];
+      const InverseDepthMap& depths = map(other);
+      const double u = at->u - part.left, v = at->v - part.top;
+      const bool has_depth = u >= 0 && v >= 0 && u <= depths.width && v <= depths.height;
+      const double its =
+          has_depth
+              ? static_cast<double>(depths.at(std::min(static_cast<int>(u), depths.width - 1),
+                                              std::min(static_cast<int>(v), depths.height - 1)))
+              : -1;
       if (its > at->inverse_depth + options_.tolerance_px * depths_.inverse_depth_per_pixel)
         continue;
       std::vector<double> tried;
       for (int i = -kRefineOffsets / 2; i <= kRefineOffsets / 2; ++i) {
-        const auto moved = place_of(pinhole(other), from, x, y, present + i * step());
-        if (!moved || !own.shows_pixel(x, y) || !picture(other).shows(moved->u, moved->v)) break;
-        const double off = bilinear(picture(other).luma, moved->u, moved->v) - own.luma.at(x, y);
+        const auto moved = place_of(whole_[other], from, x, y, present + i * step());
+        const Picture& theirs = whole_pictures_[other];
+        if (!moved || !own.shows_pixel(x, y) || !theirs.shows(moved->u, moved->v)) break;
+        const double off = bilinear(theirs.luma, moved->u, moved->v) - own.luma.at(x, y);
         tried.push_back(off * off / (1 + off * off / (kTruncation * kTruncation)));
       }
       if (tried.size() < kRefineOffsets) continue;
@@ -412,7 +449,8 @@ class Reference {
   const LightFieldFrame& instant_;
   const DepthEstimationOptions& options_;
   CameraDepths depths_;
-  std::vector<Picture> pictures_;
+  std::vector<VirtualCamera> whole_;
+  std::vector<Picture> pictures_, whole_pictures_;  // of the pinholes, and of whole_
 };
 
 }  // namespace

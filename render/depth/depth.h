@@ -54,7 +54,7 @@ struct DepthViewPlan {
   DepthViewOptions settings;
   VirtualCamera pinhole;                  ///< the view, without its lens distortion
   InverseDepthRange range;                ///< of what it sees
-  BlendingField field;                    ///< of the cameras that have a frame
+  BlendingField field;                    ///< of the cameras that have a frame and depths
   std::optional<BlendingField> complete;  ///< as if no camera were absent; set only if one is
   std::shared_ptr<const CameraDepths> depths;
   InverseDepthMap view_depths;     ///< of the pinhole's pixels; all known

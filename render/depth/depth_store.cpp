@@ -16,6 +16,7 @@
 #include <bit>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <span>
 #include <utility>
 #include <vector>
@@ -181,27 +182,6 @@ bool is_pinned(const fs::path& set, fs::file_time_type now) {
   return false;
 }
 
-/// Removes files of other regions of the same light field frame; see kMaxStoredRegions.
-void remove_unused_regions(const fs::path& stored, fs::file_time_type now) {
-  const std::string instant = stored.filename().string().substr(0, kDigits + 1);
-  std::error_code error;
-  std::vector<UsedPath> files;
-  for (fs::directory_iterator entry(stored.parent_path(), error), end; entry != end;
-       entry.increment(error)) {
-    const std::string name = entry->path().filename().string();
-    const bool is_of_regions = name.size() == stored.filename().string().size() &&
-                               name.starts_with(instant) && name.ends_with(".zst");
-    if (!is_of_regions || entry->path() == stored) continue;
-    const fs::file_time_type used = fs::last_write_time(entry->path(), error);
-    if (!error) files.emplace_back(used, entry->path());
-  }
-  if (files.size() < kMaxStoredRegions || is_pinned(stored.parent_path(), now)) return;
-  std::ranges::sort(files, std::greater());
-  for (std::size_t i = kMaxStoredRegions - 1; i < files.size(); ++i) {
-    if (now - files[i].first > kDepthSetUseTime) fs::remove(files[i].second, error);
-  }
-}
-
 }  // namespace
 
 DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimationOptions& s) {
@@ -281,6 +261,29 @@ void prune_depth_sets(const fs::path& folder, fs::file_time_type now) {
   }
 }
 
+void prune_depth_regions(const fs::path& set, fs::file_time_type now) {
+  constexpr std::string_view kEnd = ".zst";
+  constexpr std::size_t kLength = 2 * kDigits + 1 + kEnd.size();
+  std::error_code error;
+  std::map<std::string, std::vector<UsedPath>> files;  // by INSTANT
+  for (fs::directory_iterator entry(set, error), end; entry != end; entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    const bool is_of_regions = name.size() == kLength && name[kDigits] == '.' &&
+                               name.ends_with(kEnd) && is_fingerprint(name.substr(0, kDigits)) &&
+                               is_fingerprint(name.substr(kDigits + 1, kDigits));
+    if (!is_of_regions) continue;
+    const fs::file_time_type used = fs::last_write_time(entry->path(), error);
+    if (!error) files[name.substr(0, kDigits)].emplace_back(used, entry->path());
+  }
+  if (is_pinned(set, now)) return;
+  for (auto& [instant, of_instant] : files) {
+    std::ranges::sort(of_instant, std::greater());
+    for (std::size_t i = kMaxStoredRegions; i < of_instant.size(); ++i) {
+      if (now - of_instant[i].first > kDepthSetUseTime) fs::remove(of_instant[i].second, error);
+    }
+  }
+}
+
 CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
                                             const DepthEstimationOptions& options,
                                             std::size_t working_bytes, bool stores_depths,
@@ -312,7 +315,8 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
     create_folder(set);
     if (is_new) prune_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
     write_maps(file, depths.maps, content_of(key));
-    if (key.regions != 0) remove_unused_regions(file, fs::file_time_type::clock::now());
+    // A look at all files of the set, which may be many, after one file of sixteen.
+    if (key.regions % 16 == 1) prune_depth_regions(set, fs::file_time_type::clock::now());
   } catch (const Error& error) {
     note = fmt::format("depths cannot be stored, so each run estimates them again: {}",
                        error.what_happened());

@@ -43,10 +43,6 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
 StoreResult store_camera_depths(const LightFieldFrame& instant,
                                 const DepthEstimationOptions& options, std::size_t working_bytes);
 
-/// The number of files INSTANT.REGIONS.zst per light field frame that are kept: others are removed
-/// when one is stored, if they were not used within kDepthSetUseTime and the set has no pin.
-inline constexpr std::size_t kMaxStoredRegions = 4;
-
 /// The number of stored sets per take, and the time after its last use in which a set is kept.
 inline constexpr std::size_t kMaxStoredDepthSets = 4;
 inline constexpr std::chrono::hours kDepthSetUseTime{1};
@@ -60,6 +56,12 @@ inline constexpr std::chrono::hours kMaxPinTime{30 * 24};
 void pin_depth_set(const std::filesystem::path& set, std::string_view job);
 /// Removes a pin. It is not an error if the pin is missing or cannot be removed.
 void unpin_depth_set(const std::filesystem::path& set, std::string_view job);
+
+/// The number of files INSTANT.REGIONS.zst that are kept of each light field frame.
+inline constexpr std::size_t kMaxStoredRegions = 4;
+/// Removes those of a set beyond kMaxStoredRegions, the last used stay; unless they were used
+/// within kDepthSetUseTime or the set has a pin. Called now and then as such files are stored.
+void prune_depth_regions(const std::filesystem::path& set, std::filesystem::file_time_type now);
 
 /// Removes sets from `folder` (TAKE/depth), except the kMaxStoredDepthSets last used, those used
 /// within kDepthSetUseTime, and pinned ones. Also removes depth files directly in the folder (of

@@ -244,24 +244,30 @@ TEST_F(TakeWithDepths, OfFewRegionsOfAFrameTheLastAreKept) {
     fs::last_write_time(files.back(), fs::file_time_type::clock::now() - hours(10 - i));
   }
   EXPECT_EQ(files[0].parent_path(), all.parent_path());
-  EXPECT_EQ(store(16), files[0]) << "stored again: it was removed as the oldest";
+  const auto prune = [&] {
+    prune_depth_regions(all.parent_path(), fs::file_time_type::clock::now());
+  };
+  prune();
   EXPECT_TRUE(fs::exists(all));
-  EXPECT_FALSE(fs::exists(files[1]));
+  EXPECT_FALSE(fs::exists(files[0])) << "used last the longest ago";
+  EXPECT_TRUE(fs::exists(files[1]));
   EXPECT_TRUE(fs::exists(files[4]));
   EXPECT_EQ(names_in(all.parent_path()).size(), 1U + kMaxStoredRegions);
   StoredDataCounts counts;
   instant_.stored_data_counts = &counts;
-  store(16);
+  store(17);
   EXPECT_EQ(counts.read, 1);
   EXPECT_EQ(counts.derived, 0);
   // Those in use, by this hour or by a pin, stay.
   pin_depth_set(all.parent_path(), "job");
   fs::last_write_time(files[2], fs::file_time_type::clock::now() - hours(20));
   store(22);
+  prune();
   EXPECT_TRUE(fs::exists(files[2]));
   unpin_depth_set(all.parent_path(), "job");
-  store(23);
+  prune();
   EXPECT_FALSE(fs::exists(files[2]));
+  EXPECT_TRUE(fs::exists(files[1])) << "read above";
 }
 
 TEST_F(TakeWithDepths, OtherOptionsMakeRoomForThemselves) {

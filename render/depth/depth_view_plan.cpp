@@ -103,7 +103,7 @@ EstimationRegions cached_regions(const DepthViewOptions& settings, const ViewReq
   }
   return *request.result_cache.get<EstimationRegions>(key, [&](std::size_t& bytes) {
     auto made = std::make_shared<const EstimationRegions>(regions_of(settings, request.instant));
-    bytes = made->size() * sizeof(PixelRectangle);
+    bytes = key.size() + sizeof(*made) + made->size() * sizeof(PixelRectangle);
     return made;
   });
 }
@@ -122,7 +122,7 @@ double required_plane_count(const CameraDepths& depths, const LightFieldFrame& i
   double most = 1;
   for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
     const int camera = static_cast<int>(i);
-    if (!instant.is_present(camera)) continue;
+    if (!instant.is_present(camera) || !has_region(estimation.regions, camera)) continue;
     most = std::max(most, initial_sweep_planes(depths, instant, camera, estimation).needed);
   }
   return most;
@@ -333,13 +333,16 @@ std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request) {
   const InverseDepthRange range =
       inverse_depth_range_in_view(request.view, rig, settings.estimation.scene);
   if (range.empty()) return std::nullopt;
+  // Weights are those among all cameras, so that they fall to 0 before a camera is no longer
+  // chosen.
+  BlendingField field(request.view, rig, request.instant.present_cameras(), range,
+                      settings.cameras);
+  field.keep_only(cameras_with_depths(request.instant, settings.estimation.regions));
   return DepthViewPlan{
       settings,
       pinhole,
       range,
-      BlendingField(request.view, rig,
-                    cameras_with_depths(request.instant, settings.estimation.regions), range,
-                    settings.cameras),
+      std::move(field),
       BlendingField::complete(request.view, request.instant, range, settings.cameras),
       nullptr,
       {},

@@ -129,11 +129,21 @@ void refine(const RefineRow& row) {
       const RowTransfer& transfer = transfers[p];
       const auto seen = transfer.at(d, x, base);
       if (hn::AllFalse(d, seen.inside)) continue;
-      const auto column =
-          hn::Min(hn::ConvertTo(di, seen.u), hn::Set(di, partner.depths->width - 1));
-      const auto line = hn::Min(hn::ConvertTo(di, seen.v), hn::Set(di, partner.depths->height - 1));
-      const auto at = hn::Add(hn::Mul(line, hn::Set(di, partner.depths->width)), column);
-      const auto its = hn::GatherIndex(d, partner.depths->values.data(), at);
+      const InverseDepthMap& depths = *partner.depths;
+      const auto in_depths = [&](V position, int first, int size) HWY_ATTR {
+        const auto pixel = hn::Sub(hn::ConvertTo(di, position), hn::Set(di, first));
+        return hn::Min(hn::Max(pixel, hn::Zero(di)), hn::Set(di, size - 1));
+      };
+      const auto column = in_depths(seen.u, partner.left, depths.width);
+      const auto line = in_depths(seen.v, partner.top, depths.height);
+      const auto at = hn::Add(hn::Mul(line, hn::Set(di, depths.width)), column);
+      const auto limit = [&](int value) HWY_ATTR { return hn::Set(d, static_cast<float>(value)); };
+      const auto has_depth = hn::And(hn::And(hn::Ge(seen.u, limit(partner.left)),
+                                             hn::Le(seen.u, limit(partner.left + depths.width))),
+                                     hn::And(hn::Ge(seen.v, limit(partner.top)),
+                                             hn::Le(seen.v, limit(partner.top + depths.height))));
+      const auto its = hn::IfThenElse(has_depth, hn::GatherIndex(d, depths.values.data(), at),
+                                      hn::Set(d, kUnknownDepth));
       auto visible = hn::And(hn::And(seen.inside, own_known),
                              hn::Le(its, hn::Add(seen.inverse_depth, tolerance)));
       V tried[kRefineOffsets];

@@ -16,6 +16,7 @@ struct NeighbourView {
   PixelTransfer transfer;                ///< from the camera whose depths are estimated to this one
   const MatchingImage* image = nullptr;  ///< of this camera
   const InverseDepthMap* depths = nullptr;  ///< of this camera; read by refine_row() only
+  int left = 0, top = 0;  ///< of the depths in the image, pixels; nothing is hidden beyond them
 };
 
 inline constexpr int kMaxNeighbours = 8;  ///< neighbour_views of match_row()

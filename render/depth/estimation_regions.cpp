@@ -23,7 +23,7 @@ constexpr int kAlignment = 16;  // pixels: about equal views need equal parts
 constexpr int kMarginPerWidth = 24, kLeastMargin = 8;
 /// Cameras with less weight in a tile, relative to the mean of all cameras of a ray, are left to
 /// the others: they are half of all pixels, and change views by less than 0.05 dB.
-constexpr float kLeastShare = 0.5F;
+constexpr float kLeastShare = 0.497F;  // not a half, which equal weights may have
 /// Parts of at least this share of all pixels save too little to be worth depths of their own.
 constexpr double kMostShare = 0.75;
 
@@ -67,13 +67,15 @@ struct Bounds {
   /// Returns the aligned pixels with a margin, within the camera's image.
   PixelRectangle pixels(const VirtualCamera& camera) const {
     const int margin = std::max(kLeastMargin, camera.width / kMarginPerWidth);
+    // Borders of aligned cameras are often whole numbers: those must not be where rounding decides.
+    constexpr double kBias = 1.0 / 16;
     const auto down = [&](double value, int size) {
-      const double at = std::clamp(std::floor(value) - margin, 0.0, static_cast<double>(size));
+      const double at = std::clamp(value - margin - kBias, 0.0, static_cast<double>(size));
       return static_cast<int>(at) / kAlignment * kAlignment;
     };
     const auto up = [&](double value, int size) {
-      const double at = std::clamp(std::ceil(value) + margin, 0.0, static_cast<double>(size));
-      return std::min(size, (static_cast<int>(at) + kAlignment - 1) / kAlignment * kAlignment);
+      const double at = std::clamp(value + margin + kBias, 0.0, static_cast<double>(size));
+      return std::min(size, (static_cast<int>(at) / kAlignment + 1) * kAlignment);
     };
     const PixelRectangle part{down(left, camera.width), down(top, camera.height),
                               up(right, camera.width), up(bottom, camera.height)};
@@ -136,7 +138,7 @@ EstimationRegions needed_regions(const LightFieldFrame& instant, const schemas::
     regions[i] = part;
     needed += static_cast<double>(part.right - part.left) * (part.bottom - part.top);
   }
-  // Where the views show nothing, nothing is estimated, whatever is asked.
+  // Views that show nothing ask for no depths.
   if (needed >= kMostShare * all || needed == 0) return {};
   return regions;
 }

@@ -25,9 +25,9 @@ using EstimationRegions = std::vector<PixelRectangle>;
 bool has_region(const EstimationRegions& regions, int camera);
 
 /// Returns the parts that LightFieldFrame::shown_views read: of the `cameras` with the largest
-/// weights of each ray, except those of little weight, those pixels that may show a point of the scene that is in view, and a
-/// margin. All of all cameras if there are no such views, or if that saves little. Cost: a
-/// millisecond per view.
+/// weights of each ray, except those of little weight, those pixels that may show a point of the
+/// scene that is in view, and a margin. All of all cameras if there are no such views, if they show
+/// nothing, or if that saves little. Cost: milliseconds per view.
 EstimationRegions needed_regions(const LightFieldFrame& instant, const schemas::DepthRange& scene,
                                  int cameras);
 

@@ -151,10 +151,7 @@ MatchingImage::MatchingImage(const store::DecodedFrame& frame, store::BlendSpace
                              const rig::Rig::Camera& camera, const VirtualCamera& pinhole)
     : width_(pinhole.width), height_(pinhole.height) {
   std::vector<LumaChroma> pixels = luma_chroma_of(frame, space);
-  const bool is_whole = pinhole.width == frame.width && pinhole.height == frame.height;
-  if (camera.model.has_distortion() || !is_whole) {
-    pixels = without_distortion(pixels, camera.model, pinhole);
-  }
+  if (camera.model.has_distortion()) pixels = without_distortion(pixels, camera.model, pinhole);
   words_.resize(pixels.size());
   chroma_.resize(pixels.size());
   for (std::size_t i = 0; i < pixels.size(); ++i) chroma_[i] = {pixels[i][1], pixels[i][2]};
@@ -169,6 +166,20 @@ MatchingImage::MatchingImage(const store::DecodedFrame& frame, store::BlendSpace
       words_[at] = four[0] | four[1] << 8U | four[2] << 16U | four[3] << 24U;
     }
   }
+}
+
+MatchingImage MatchingImage::cropped(const PixelRectangle& part) const {
+  MatchingImage result;
+  result.width_ = part.right - part.left;
+  result.height_ = part.bottom - part.top;
+  for (int y = part.top; y < part.bottom; ++y) {
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width_;
+    result.words_.insert(result.words_.end(), words_.begin() + row + part.left,
+                         words_.begin() + row + part.right);
+    result.chroma_.insert(result.chroma_.end(), chroma_.begin() + row + part.left,
+                          chroma_.begin() + row + part.right);
+  }
+  return result;
 }
 
 std::vector<std::uint8_t> MatchingImage::plane() const {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "render/depth/estimation_regions.h"
 #include "render/depth/inverse_depth_map.h"
 #include "store/processing/frames/frame_cache.h"
 
@@ -18,9 +19,12 @@ namespace raystage::render {
 class MatchingImage {
  public:
   MatchingImage() = default;
-  /// Converts a frame. `pinhole`: undistorted() of the camera, or a part of it.
+  /// Converts a frame. `pinhole`: undistorted() of the camera.
   MatchingImage(const store::DecodedFrame& frame, store::BlendSpace space,
                 const rig::Rig::Camera& camera, const VirtualCamera& pinhole);
+
+  /// Returns a part of the image. Pixels at its right and lower border keep their neighbours.
+  MatchingImage cropped(const PixelRectangle& part) const;
 
   int width() const { return width_; }
   int height() const { return height_; }

@@ -46,7 +46,8 @@ class RowTransfer {
   HWY_INLINE auto at(D d, int x, V q) const {
     return at(d, x, hwy::HWY_NAMESPACE::Iota(d, 0), q);
   }
-  /// Returns the transferred points of the pixels `right` of x, which is near them.
+  /// Returns the transferred points of the pixels `right` of x. Their error grows with the
+  /// distance: 1e-3 pixels for a row of 8000.
   template <class D, class V>
   HWY_INLINE auto at(D d, int x, V right, V q) const {
     namespace hn = hwy::HWY_NAMESPACE;

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cerrno>
 
+#include "base/error.h"
 #include "render/depth/depth_file.h"
 #include "render/depth/depth_store.h"
 #include "render/renderer.h"
@@ -112,6 +113,43 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
     std::filesystem::remove_all(take.folder() / "depth");
   }
   EXPECT_GT(most, 10'000'000);  // so the smaller bounds were tested
+}
+
+// Pictures are opened whole, however small the parts of them are, also those without a part.
+TEST(DepthMemory, SolvingSmallPartsKeepsWithinItsBound) {
+  if (RAYSTAGE_COUNTS_MEMORY == 0) GTEST_SKIP() << "sanitizers take memory of their own";
+  testing::SyntheticTake recorded;
+  recorded.cameras = testing::camera_grid(4, 6, 0.1, 400, 300, {-0.1, 0.02, 0, 0, 0});
+  recorded.depth_range = schemas::DepthRange{2.2, 6};
+  const testing::TestFolder folder;
+  write_synthetic_take(recorded, folder.path() / "take");
+  const store::Take take(folder.path() / "take");
+  store::FrameCache cache(take, 1, store::BlendSpace::kPerceptual);  // keeps no frame
+  LightFieldFrame instant;
+  instant.take = &take;
+  instant.rig = &take.rig();
+  instant.cache = &cache;
+  instant.frame_of_camera.assign(take.rig().cameras.size(), 0);
+  DepthEstimationOptions options;
+  options.scene = *recorded.depth_range;
+  options.regions.resize(24);
+  for (const std::size_t camera : {8U, 9U, 14U}) options.regions[camera] = {160, 112, 224, 160};
+  const CameraDepths warm = estimate_camera_depths(instant, options, std::size_t{1} << 30);
+  int fitting = 0;
+  for (std::size_t bound = 2'000'000; bound < 60'000'000; bound = bound * 4 / 3) {
+    const std::ptrdiff_t before = held;
+    peak = before;
+    try {
+      const CameraDepths depths = estimate_camera_depths(instant, options, bound);
+      EXPECT_EQ(depths.maps[9].values, warm.maps[9].values);
+      EXPECT_LT(peak - before - static_cast<std::ptrdiff_t>(depths.bytes()),
+                static_cast<std::ptrdiff_t>(bound));
+      ++fitting;
+    } catch (const Error&) {
+      EXPECT_EQ(fitting, 0) << "more memory, yet not enough";
+    }
+  }
+  EXPECT_GT(fitting, 4);
 }
 
 TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {

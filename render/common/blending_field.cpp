@@ -180,17 +180,6 @@ BlendingField::BlendingField(const VirtualCamera& view, const rig::Rig& rig,
   }
 }
 
-void BlendingField::keep_only(const std::vector<int>& cameras) {
-  const auto is_removed = [&](int camera) { return !std::ranges::binary_search(cameras, camera); };
-  for (std::vector<CameraWeight>& corner : corners_) {
-    std::erase_if(corner, [&](const CameraWeight& one) { return is_removed(one.camera); });
-  }
-  for (Tile& tile : tiles_) {
-    std::erase_if(tile.cameras, [&](const TileCamera& one) { return is_removed(one.camera); });
-    std::erase_if(tile.best, is_removed);
-  }
-}
-
 std::optional<BlendingField> BlendingField::complete(const VirtualCamera& view,
                                                      const LightFieldFrame& instant,
                                                      const InverseDepthRange& range, int count) {

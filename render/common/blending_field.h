@@ -76,10 +76,6 @@ class BlendingField {
                                                const LightFieldFrame& instant,
                                                const InverseDepthRange& range, int count);
 
-  /// Removes all cameras but these (increasing) from the tiles. The weights of the others stay, and
-  /// sum to less than 1.
-  void keep_only(const std::vector<int>& cameras);
-
   /// A camera of a tile and its weights at the upper left, upper right, lower left and lower right
   /// corner. The weights of all cameras sum to 1 at a corner, or are 0 where no camera sees it.
   struct TileCamera {

@@ -25,6 +25,19 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+/// Returns the values of points within the camera's depths, which fall to 0 at their border if the
+/// run has one; 1 beyond them if it has none.
+template <class D, class Place, class V>
+HWY_INLINE V within_border(D d, const VisibilityRun& run, const Place& place, V values) {
+  if (!(run.border > 0)) return hn::IfThenElse(place.inside, values, hn::Set(d, 1.0F));
+  const auto width = hn::Set(d, static_cast<float>(run.depths->width));
+  const auto height = hn::Set(d, static_cast<float>(run.depths->height));
+  const auto nearest = hn::Min(hn::Min(place.u, hn::Sub(width, place.u)),
+                               hn::Min(place.v, hn::Sub(height, place.v)));
+  const auto part = hn::Min(hn::Set(d, 1.0F), hn::Mul(nearest, hn::Set(d, 1 / run.border)));
+  return hn::IfThenElseZero(place.inside, hn::Mul(values, part));
+}
+
 void visibility(const VisibilityRun& run) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -42,7 +55,7 @@ void visibility(const VisibilityRun& run) {
   const float* values = run.depths->values.data();
   const float* blocks = run.nearest->values.data();
   const auto block_pitch = hn::Set(di, run.nearest->width);
-  const auto tolerance = hn::Set(d, run.tolerance), outside = hn::Set(d, run.outside);
+  const auto tolerance = hn::Set(d, run.tolerance);
   HWY_ALIGN float inverse_depth[kMaxRunPixels], visible[kMaxRunPixels];
   std::copy(run.inverse_depth.begin(), run.inverse_depth.end(), inverse_depth);
   std::fill(inverse_depth + count, inverse_depth + std::min(kMaxRunPixels, count + lanes), 0.0F);
@@ -59,7 +72,7 @@ void visibility(const VisibilityRun& run) {
     const auto nearest = hn::GatherIndex(d, blocks, block);
     const auto clear = hn::Le(nearest, hn::Add(place.inverse_depth, tolerance));
     if (hn::AllFalse(d, hn::AndNot(clear, place.inside))) {
-      hn::Store(hn::IfThenElse(place.inside, one, outside), d, visible + i);
+      hn::Store(within_border(d, run, place, one), d, visible + i);
       continue;
     }
     const auto sight = [&](auto x, auto y) HWY_ATTR {
@@ -71,7 +84,7 @@ void visibility(const VisibilityRun& run) {
     const auto upper = hn::MulAdd(right, hn::Sub(sight(x1, y0), upper_left), upper_left);
     const auto lower = hn::MulAdd(right, hn::Sub(sight(x1, y1), lower_left), lower_left);
     const auto seen = hn::MulAdd(down, hn::Sub(lower, upper), upper);
-    hn::Store(hn::IfThenElse(place.inside, seen, outside), d, visible + i);
+    hn::Store(within_border(d, run, place, seen), d, visible + i);
   }
   std::copy_n(visible, count, run.visible.begin());
 }
@@ -111,7 +124,7 @@ void surface_share(const VisibilityRun& run, std::span<float> at_surface) {
     const auto upper = hn::MulAdd(right, hn::Sub(is_there(x1, y0), upper_left), upper_left);
     const auto lower = hn::MulAdd(right, hn::Sub(is_there(x1, y1), lower_left), lower_left);
     const auto all = hn::MulAdd(down, hn::Sub(lower, upper), upper);
-    hn::Store(hn::IfThenElse(place.inside, all, hn::Set(d, run.outside)), d, share + i);
+    hn::Store(within_border(d, run, place, all), d, share + i);
   }
   std::copy_n(share, count, at_surface.begin());
 }

@@ -12,7 +12,8 @@ inline constexpr int kMaxRunPixels = 64;  ///< pixels per kernel call
 /// Inputs and output of compute_visibility(): how far a camera sees the points of a run of a view's
 /// pixels, by its own depths. The visibility is 1 up to `tolerance` (1/m) behind them and falls to
 /// 0 at kOcclusionRamp times the tolerance. It is bilinear between the camera's pixels, so edges
-/// are soft. It is `outside` beyond the camera's depths, and 1 where its depth is unknown.
+/// are soft. It is 1 where the camera's depth is unknown. Beyond its depths it is 1, or, if
+/// `border` is above 0, falls to 0 over these pixels before their end.
 struct VisibilityRun {
   int x = 0, y = 0;                          ///< first pixel of the view
   PixelTransfer transfer;                    ///< from the view to the camera
@@ -20,7 +21,7 @@ struct VisibilityRun {
   const InverseDepthMap* nearest = nullptr;  ///< block_nearest_depths() of `depths`
   std::span<const float> inverse_depth;      ///< of at most kMaxRunPixels pixels of the view
   float tolerance = 0;
-  float outside = 1;         ///< visibility outside of `depths`
+  float border = 0;          ///< pixels
   std::span<float> visible;  ///< output, 0 to 1
 };
 inline constexpr float kOcclusionRamp = 1.5F;

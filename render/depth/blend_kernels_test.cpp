@@ -21,7 +21,13 @@ using testing::random_depths;
 using testing::transfer_point;
 using testing::TransferredPoint;
 
-constexpr float kOutside = 0.25F;  // visibility beyond a camera's depths
+/// Returns the weight of a point by VisibilityRun::border.
+double at_border(const TransferredPoint& p, float border, double value) {
+  if (!(border > 0)) return p.inside ? value : 1;
+  if (!p.inside) return 0;
+  const double nearest = std::min({p.u, kWidth - p.u, p.v, kHeight - p.v});
+  return value * std::min(1.0, nearest / static_cast<double>(border));
+}
 
 class BlendKernels : public testing::DepthKernelsTest {};
 
@@ -35,32 +41,34 @@ TEST_F(BlendKernels, SeesAsTheReference) {
   InverseDepthMap even = of_view;
   for (float& depth : even.values) depth = 0.29F;
   using Maps = std::pair<const InverseDepthMap*, const InverseDepthMap*>;
-  for (const auto& [theirs, ours] : {Maps(&depths_[1], &of_view), Maps(&plane, &even)}) {
-    const InverseDepthMap *its = theirs, *own = ours;  // captured below
-    const InverseDepthMap nearest = block_nearest_depths(*its);
-    std::vector<float> visible(kWidth);
-    testing::for_each_simd_target(depth_estimation_target, [&] {
-      int part = 0, all = 0;
-      for (const int y : {0, 14, kHeight - 1}) {
-        const std::span<const float> depths(own->values.data() + y * kWidth, kWidth);
-        compute_visibility(
-            {0, y, partners_[1].transfer, its, &nearest, depths, 0.1F, kOutside, visible});
-        for (int x = 0; x < kWidth; ++x) {
-          const TransferredPoint p =
-              transfer_point(partners_[1].transfer, x + 0.5, y + 0.5, depths[x]);
-          const double expected = !p.inside ? kOutside : bilinear(p.u, p.v, [&](int i, int j) {
-            const double nearer = its->at(i, j) - p.inverse_depth;
-            return std::clamp((kOcclusionRamp - nearer / 0.1) / (kOcclusionRamp - 1), 0.0, 1.0);
-          });
-          ASSERT_NEAR(visible[x], expected, 2e-3) << x << ", " << y;
-          part += expected > 0.01 && expected < 0.99;
-          all += expected > 0.99;
+  for (const float border : {0.0F, 5.0F})
+    for (const auto& [theirs, ours] : {Maps(&depths_[1], &of_view), Maps(&plane, &even)}) {
+      const InverseDepthMap *its = theirs, *own = ours;  // captured below
+      const InverseDepthMap nearest = block_nearest_depths(*its);
+      std::vector<float> visible(kWidth);
+      testing::for_each_simd_target(depth_estimation_target, [&] {
+        int part = 0, all = 0;
+        for (const int y : {0, 14, kHeight - 1}) {
+          const std::span<const float> depths(own->values.data() + y * kWidth, kWidth);
+          compute_visibility(
+              {0, y, partners_[1].transfer, its, &nearest, depths, 0.1F, border, visible});
+          for (int x = 0; x < kWidth; ++x) {
+            const TransferredPoint p =
+                transfer_point(partners_[1].transfer, x + 0.5, y + 0.5, depths[x]);
+            const double seen = !p.inside ? 0 : bilinear(p.u, p.v, [&](int i, int j) {
+              const double nearer = its->at(i, j) - p.inverse_depth;
+              return std::clamp((kOcclusionRamp - nearer / 0.1) / (kOcclusionRamp - 1), 0.0, 1.0);
+            });
+            const double expected = at_border(p, border, seen);
+            ASSERT_NEAR(visible[x], expected, 2e-3) << x << ", " << y;
+            part += expected > 0.01 && expected < 0.99;
+            all += expected > 0.99;
+          }
         }
-      }
-      EXPECT_GT(part, 3);
-      EXPECT_GT(all, kWidth / 2);
-    });
-  }
+        EXPECT_GT(part, 3);
+        EXPECT_GT(all, kWidth / (border > 0 ? 4 : 2));
+      });
+    }
 }
 
 TEST_F(BlendKernels, SharesOfSurfacesAreThoseOfTheReference) {
@@ -73,12 +81,13 @@ TEST_F(BlendKernels, SharesOfSurfacesAreThoseOfTheReference) {
     int part = 0, none = 0;
     for (const int y : {0, 14, kHeight - 1}) {
       for (const int first : {0, 5}) {
+        const float border = first > 0 ? 6 : 0;
         const int count = kWidth - first - (first > 0 ? 9 : 0);
         const std::span<const float> depths(own.values.data() + y * kWidth + first,
                                             static_cast<std::size_t>(count));
         std::vector<float> share(static_cast<std::size_t>(count));
         compute_surface_share(
-            {first, y, partners_[1].transfer, &theirs, &nearest, depths, kTolerance, kOutside, {}},
+            {first, y, partners_[1].transfer, &theirs, &nearest, depths, kTolerance, border, {}},
             share);
         for (int x = 0; x < count; ++x) {
           const TransferredPoint p =
@@ -86,11 +95,12 @@ TEST_F(BlendKernels, SharesOfSurfacesAreThoseOfTheReference) {
           const auto ramp = [](double excess) {
             return std::clamp((kOcclusionRamp - excess) / (kOcclusionRamp - 1), 0.0, 1.0);
           };
-          const double expected = !p.inside ? kOutside : bilinear(p.u, p.v, [&](int i, int j) {
+          const double at_surface = !p.inside ? 0 : bilinear(p.u, p.v, [&](int i, int j) {
             const auto its = static_cast<double>(theirs.at(i, j));
             const double excess = (its - p.inverse_depth) / kTolerance;
             return its < 0 ? 1.0 : ramp(excess) * ramp(-excess);
           });
+          const double expected = at_border(p, border, at_surface);
           ASSERT_NEAR(share[x], expected, 2e-3) << x << ", " << y;
           part += expected > 0.01 && expected < 0.99;
           none += expected < 0.01;

@@ -94,9 +94,9 @@ std::shared_ptr<const CameraDepths> depths_with_default_options(
 /// than a point that counts as visible.
 float visibility_tolerance(const DepthViewPlan& plan);
 
-/// Returns the visibility of points beyond a camera's depths: where depths are those of regions,
-/// other cameras are meant to show them.
-float visibility_outside(const DepthViewPlan& plan);
+/// Returns VisibilityRun::border: above 0 where depths are those of regions, beyond which other
+/// cameras are meant to show the points.
+float visibility_border(const DepthViewPlan& plan);
 
 /// Returns how far a camera sees a point by its own depths, 0 to 1, in double; see VisibilityRun.
 /// The point has the inverse planar depth `inverse_depth` (1/m) in the view and lies along

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <mutex>
+#include <optional>
 #include <utility>
 
 #include "render/depth/blend_kernels.h"
@@ -164,20 +165,21 @@ class Reference {
 namespace {
 
 /// Calls body(excess, is_unknown, weight) for the four pixels of a camera's depths around a point;
-/// `excess`: how far, in tolerances, the camera's inverse depth is above the point's. Returns false
-/// outside of the camera's image.
+/// `excess`: how far, in tolerances, the camera's inverse depth is above the point's. Returns the
+/// point's weight by VisibilityRun::border, or nullopt outside of the camera's depths.
 template <class Body>
-bool for_depths_around(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
-                       double inverse_depth, const Body& body) {
+std::optional<double> for_depths_around(const DepthViewPlan& plan, int camera,
+                                        const Eigen::Vector3d& towards, double inverse_depth,
+                                        const Body& body) {
   const InverseDepthMap& map = plan.depths->maps[camera];
   const VirtualCamera& pinhole = plan.depths->pinholes[camera];
   const auto tolerance = static_cast<double>(visibility_tolerance(plan));
   const Eigen::Vector3d in_camera = pinhole.pose.world_from_camera_rotation.transpose() * towards;
-  if (!(in_camera.z() < 0)) return false;
+  if (!(in_camera.z() < 0)) return std::nullopt;
   const schemas::Intrinsics& k = pinhole.intrinsics;
   const double u = k.fx * in_camera.x() / -in_camera.z() + k.cx;
   const double v = k.fy * in_camera.y() / in_camera.z() + k.cy;
-  if (!(u >= 0 && v >= 0 && u <= map.width && v <= map.height)) return false;
+  if (!(u >= 0 && v >= 0 && u <= map.width && v <= map.height)) return std::nullopt;
   const double there = inverse_depth / -in_camera.z();
   const double left = std::clamp(u - 0.5, 0.0, map.width - 1.0);
   const double top = std::clamp(v - 0.5, 0.0, map.height - 1.0);
@@ -189,8 +191,13 @@ bool for_depths_around(const DepthViewPlan& plan, int camera, const Eigen::Vecto
       body((its - there) / tolerance, its < 0, weight);
     }
   }
-  return true;
+  const auto border = static_cast<double>(visibility_border(plan));
+  if (!(border > 0)) return 1;
+  return std::min(1.0, std::min({u, map.width - u, v, map.height - v}) / border);
 }
+
+/// Returns what a point that is outside of the camera's depths counts.
+double beyond_depths(const DepthViewPlan& plan) { return visibility_border(plan) > 0 ? 0 : 1; }
 
 /// Returns 1 up to 1 tolerance, and 0 from kOcclusionRamp on.
 double visible_ramp(double tolerances) {
@@ -202,21 +209,21 @@ double visible_ramp(double tolerances) {
 double point_visibility(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
                         double inverse_depth) {
   double seen = 0;
-  const bool is_inside = for_depths_around(plan, camera, towards, inverse_depth,
-                                           [&](double excess, bool /*is_unknown*/, double weight) {
-                                             seen += weight * visible_ramp(excess);
-                                           });
-  return is_inside ? seen : static_cast<double>(visibility_outside(plan));
+  const auto border = for_depths_around(plan, camera, towards, inverse_depth,
+                                        [&](double excess, bool /*is_unknown*/, double weight) {
+                                          seen += weight * visible_ramp(excess);
+                                        });
+  return border ? *border * seen : beyond_depths(plan);
 }
 
 double point_surface_share(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
                            double inverse_depth) {
   double there = 0;
-  const bool is_inside = for_depths_around(
+  const auto border = for_depths_around(
       plan, camera, towards, inverse_depth, [&](double excess, bool is_unknown, double weight) {
         there += weight * (is_unknown ? 1 : visible_ramp(excess) * visible_ramp(-excess));
       });
-  return is_inside ? there : static_cast<double>(visibility_outside(plan));
+  return border ? *border * there : beyond_depths(plan);
 }
 
 void measure_coverage(const ViewRequest& request, const DepthViewPlan& plan, RenderedView& image) {

@@ -333,16 +333,13 @@ std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request) {
   const InverseDepthRange range =
       inverse_depth_range_in_view(request.view, rig, settings.estimation.scene);
   if (range.empty()) return std::nullopt;
-  // Weights are those among all cameras, so that they fall to 0 before a camera is no longer
-  // chosen.
-  BlendingField field(request.view, rig, request.instant.present_cameras(), range,
-                      settings.cameras);
-  field.keep_only(cameras_with_depths(request.instant, settings.estimation.regions));
   return DepthViewPlan{
       settings,
       pinhole,
       range,
-      std::move(field),
+      BlendingField(request.view, rig,
+                    cameras_with_depths(request.instant, settings.estimation.regions), range,
+                    settings.cameras),
       BlendingField::complete(request.view, request.instant, range, settings.cameras),
       nullptr,
       {},
@@ -377,8 +374,9 @@ float visibility_tolerance(const DepthViewPlan& plan) {
                             (per_pixel > 0 ? per_pixel : 1));
 }
 
-float visibility_outside(const DepthViewPlan& plan) {
-  return plan.settings.estimation.regions.empty() ? 1.0F : 0.0F;
+float visibility_border(const DepthViewPlan& plan) {
+  constexpr float kBorder = 8;  // parts reach at least that far beyond what is needed of them
+  return plan.settings.estimation.regions.empty() ? 0 : kBorder;
 }
 
 }  // namespace depth

@@ -45,7 +45,7 @@ VisibilityRun visibility_run(const ViewSources& sources, const DepthViewPlan& pl
           &plan.depths->block_nearest[camera],
           pixels.inverse_depth,
           visibility_tolerance(plan),
-          visibility_outside(plan),
+          visibility_border(plan),
           visible};
 }
 

@@ -21,7 +21,8 @@ store::DecodedFrame frame() {
   made.height = kHeight;
   made.rgba = std::make_unique<std::uint16_t[]>(4 * static_cast<std::size_t>(kWidth) * kHeight);
   for (int i = 0; i < kWidth * kHeight; ++i) {
-    const double x = i % kWidth, y = static_cast<double>(i / kWidth);
+    const int column = i % kWidth, row = i / kWidth;
+    const double x = column, y = row;
     const double code = 128 + 60 * std::sin(0.9 * x + 0.3 * y) + 50 * std::cos(0.7 * y - 0.2 * x);
     for (int c = 0; c < 3; ++c) made.rgba[4 * i + c] = static_cast<std::uint16_t>(257 * code);
     made.rgba[4 * i + 3] = 65535;

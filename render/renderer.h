@@ -24,8 +24,9 @@
 
 namespace raystage::render {
 
-/// The most frames of a shot that may show one light field frame for its views to be stated as
-/// ReconstructionOptions::shown_views. If more do, time stands still: any view may be shown next.
+/// The most frames of a shot that may show a light field frame, in the mean, for their views to be
+/// stated as ReconstructionOptions::shown_views. If more do, time stands still: any view may be
+/// shown next.
 inline constexpr std::size_t kMostFramesOfShownViews = 4;
 
 /// Selects how rays are reconstructed.

@@ -72,22 +72,39 @@ void free(void* memory) {
 namespace raystage::render {
 namespace {
 
+/// A take of 24 cameras, and a light field frame of it.
+struct Recorded {
+  static constexpr schemas::DepthRange kScene{2.2, 6};
+
+  Recorded(int width, int height, std::size_t cache_bytes)
+      : take(written(width, height, folder.path() / "take")),
+        cache(take, cache_bytes, store::BlendSpace::kPerceptual) {
+    instant.take = &take;
+    instant.rig = &take.rig();
+    instant.cache = &cache;
+    instant.frame_of_camera.assign(take.rig().cameras.size(), 0);
+  }
+
+  static store::Take written(int width, int height, const std::filesystem::path& folder) {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(4, 6, 0.1, width, height, {-0.1, 0.02, 0, 0, 0});
+    settings.depth_range = kScene;
+    write_synthetic_take(settings, folder);
+    return store::Take(folder);
+  }
+
+  const testing::TestFolder folder;
+  const store::Take take;
+  store::FrameCache cache;
+  LightFieldFrame instant;
+};
+
 TEST(DepthMemory, SolvingKeepsWithinItsBound) {
   if (RAYSTAGE_COUNTS_MEMORY == 0) GTEST_SKIP() << "sanitizers take memory of their own";
-  testing::SyntheticTake recorded;
-  recorded.cameras = testing::camera_grid(4, 6, 0.1, 200, 150, {-0.1, 0.02, 0, 0, 0});
-  recorded.depth_range = schemas::DepthRange{2.2, 6};
-  const testing::TestFolder folder;
-  write_synthetic_take(recorded, folder.path() / "take");
-  const store::Take take(folder.path() / "take");
-  store::FrameCache cache(take, std::size_t{1} << 28, store::BlendSpace::kPerceptual);
-  LightFieldFrame instant;
-  instant.take = &take;
-  instant.rig = &take.rig();
-  instant.cache = &cache;
-  instant.frame_of_camera.assign(take.rig().cameras.size(), 0);
+  const Recorded recorded(200, 150, std::size_t{1} << 28);
+  const LightFieldFrame& instant = recorded.instant;
   DepthEstimationOptions options;
-  options.scene = *recorded.depth_range;
+  options.scene = Recorded::kScene;
   const std::size_t plenty = std::size_t{1} << 30;
   CameraDepths warm = estimate_camera_depths(instant, options, plenty);  // frames, threads
   for (InverseDepthMap& map : warm.maps) quantise_depths(map);
@@ -110,7 +127,7 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
     const CameraDepths read = load_or_estimate_camera_depths(instant, options, bound, true, note);
     EXPECT_LT(peak - before_reading - static_cast<std::ptrdiff_t>(read.bytes()), 5'000'000);
     EXPECT_EQ(read.maps[7].values, warm.maps[7].values);
-    std::filesystem::remove_all(take.folder() / "depth");
+    std::filesystem::remove_all(recorded.take.folder() / "depth");
   }
   EXPECT_GT(most, 10'000'000);  // so the smaller bounds were tested
 }
@@ -118,20 +135,10 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
 // Pictures are opened whole, however small the parts of them are, also those without a part.
 TEST(DepthMemory, SolvingSmallPartsKeepsWithinItsBound) {
   if (RAYSTAGE_COUNTS_MEMORY == 0) GTEST_SKIP() << "sanitizers take memory of their own";
-  testing::SyntheticTake recorded;
-  recorded.cameras = testing::camera_grid(4, 6, 0.1, 400, 300, {-0.1, 0.02, 0, 0, 0});
-  recorded.depth_range = schemas::DepthRange{2.2, 6};
-  const testing::TestFolder folder;
-  write_synthetic_take(recorded, folder.path() / "take");
-  const store::Take take(folder.path() / "take");
-  store::FrameCache cache(take, 1, store::BlendSpace::kPerceptual);  // keeps no frame
-  LightFieldFrame instant;
-  instant.take = &take;
-  instant.rig = &take.rig();
-  instant.cache = &cache;
-  instant.frame_of_camera.assign(take.rig().cameras.size(), 0);
+  const Recorded recorded(400, 300, 1);  // keeps no decoded frame
+  const LightFieldFrame& instant = recorded.instant;
   DepthEstimationOptions options;
-  options.scene = *recorded.depth_range;
+  options.scene = Recorded::kScene;
   options.regions.resize(24);
   for (const std::size_t camera : {8U, 9U, 14U}) options.regions[camera] = {160, 112, 224, 160};
   const CameraDepths warm = estimate_camera_depths(instant, options, std::size_t{1} << 30);

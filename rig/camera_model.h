@@ -2,52 +2,72 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
+#include <memory>
 #include <optional>
 
+#include "rig/fisheye_lens.h"
 #include "schemas/geometry.h"
 
 namespace raystage::rig {
 
-/// A pinhole camera with Brown-Conrady distortion (thesis 4.3; OpenCV's coefficients).
+/// A camera: a pinhole with Brown-Conrady distortion (thesis 4.3; OpenCV's coefficients), or a
+/// fisheye (FisheyeLens).
 ///
 /// Three spaces: x_in_camera (metres, looks down -z), `ideal` image points (x/-z, -y/-z: y down, no
 /// distortion) and pixels (origin at the top-left corner, y down, pixel centres at +0.5).
 ///
 /// The distortion polynomial folds back where it stops increasing with the radius. Beyond that
 /// radius two rays would map to one pixel. The model ends there: such points have no projection.
+/// Ideal image points are those of rays in front of the camera's plane: a fisheye has rays without
+/// one, at or behind it.
 class CameraModel {
  public:
   /// Throws Error (bad input), with the camera's id, for non-finite values or a focal length or
   /// size that is not positive. Also throws for a distortion that folds back at the principal point
-  /// itself.
+  /// itself, and for a fisheye that sees nothing.
   explicit CameraModel(const schemas::CameraGeometry& geometry);
 
   int width() const { return width_; }
   int height() const { return height_; }
   const schemas::Intrinsics& intrinsics() const { return intrinsics_; }
 
-  /// Returns the pixel of a point, or nullopt at or behind the camera's plane (z >= 0) or beyond
-  /// the fold. The pixel may lie outside the image.
+  /// Returns the fisheye lens, or null for a pinhole.
+  const FisheyeLens* fisheye() const { return fisheye_.get(); }
+
+  /// Returns the pixel of a point, or nullopt at or behind a pinhole's plane (z >= 0), or beyond
+  /// the fold or a fisheye's largest angle. The pixel may lie outside the image.
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& x_in_camera) const;
-  /// Returns the ray through a pixel, scaled to z = -1, or nullopt if no ray reaches the pixel.
-  /// Wherever there is a ray, project(unproject(p)) equals p to 1e-9 px.
+  /// Returns the ray through a pixel, scaled to z = -1 for a pinhole and to length 1 for a fisheye,
+  /// or nullopt if no ray reaches the pixel. Wherever there is a ray, project(unproject(p)) equals
+  /// p to 1e-9 px.
   std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
 
   /// Returns the pixel of an ideal image point, or nullopt beyond the fold.
   std::optional<Eigen::Vector2d> pixel_from_ideal(const Eigen::Vector2d& ideal) const;
-  /// Returns the ideal image point of a pixel, or nullopt if the pixel is beyond the fold.
+  /// Returns the ideal image point of a pixel, or nullopt if the pixel is beyond the fold, or its
+  /// ray does not point ahead.
   std::optional<Eigen::Vector2d> ideal_from_pixel(const Eigen::Vector2d& pixel) const;
 
-  /// Returns the squared ideal radius at which the distortion folds back, or infinity.
+  /// Returns the squared ideal radius at which a pinhole's distortion folds back, or infinity.
   double fold_radius_squared() const { return fold_radius_squared_; }
-  bool has_distortion() const { return !(intrinsics_.distortion == schemas::Distortion{}); }
+  /// Returns whether ideal image points are not those of a pinhole without distortion.
+  bool has_distortion() const {
+    return fisheye_ != nullptr || !(intrinsics_.distortion == schemas::Distortion{});
+  }
   /// Returns whether a pixel position is within the image, [0, width] x [0, height].
   bool contains(const Eigen::Vector2d& pixel) const;
 
  private:
+  /// Image points are in focal lengths from the principal point, after the distortion.
+  std::optional<Eigen::Vector2d> pixel_from_image(
+      const std::optional<Eigen::Vector2d>& point) const;
+  Eigen::Vector2d image_from_pixel(const Eigen::Vector2d& pixel) const;
+
   schemas::Intrinsics intrinsics_;
   int width_ = 0, height_ = 0;
-  double fold_radius_squared_ = 0;
+  double fold_radius_squared_ = std::numeric_limits<double>::infinity();
+  std::shared_ptr<const FisheyeLens> fisheye_;
 };
 
 }  // namespace raystage::rig

@@ -20,10 +20,13 @@ namespace {
 using nlohmann::json;
 
 /// Returns the newest version of a kind of document. Versions start at 1.
-int newest_version(std::string_view kind) { return kind == "shot" ? 3 : 1; }
+int newest_version(std::string_view kind) {
+  if (kind == "shot") return 3;
+  return kind == "rig" || kind == "import" ? 2 : 1;
+}
 
-std::string schema_name(std::string_view kind) {
-  return fmt::format("raystage/{}/{}", kind, newest_version(kind));
+std::string schema_name(std::string_view kind, int version) {
+  return fmt::format("raystage/{}/{}", kind, version);
 }
 
 /// Returns the validator of a schema. It is created on first use: most commands need one or two.
@@ -46,7 +49,7 @@ const SchemaValidator& validator_of(std::string_view kind) {
 
 /// Returns the version that the document states. Throws Error (bad input) if it is not supported.
 int version_of(std::string_view kind, const json& document, std::string_view name) {
-  const std::string expected = schema_name(kind);
+  const std::string expected = schema_name(kind, newest_version(kind));
   if (!document.is_object()) {
     throw json_value_error(name, "",
                            fmt::format("found {}, allowed: an object with \"schema\": \"{}\"",
@@ -110,8 +113,8 @@ nlohmann::json parse_document(std::string_view kind, std::string_view text, std:
   return parse_versioned_document(kind, text, name).json;
 }
 
-nlohmann::ordered_json make_document(std::string_view kind) {
-  return {{"schema", schema_name(kind)}};
+nlohmann::ordered_json make_document(std::string_view kind, std::optional<int> version) {
+  return {{"schema", schema_name(kind, version.value_or(newest_version(kind)))}};
 }
 
 std::string unique_id_from(const JsonNode& object, std::set<std::string, std::less<>>& seen) {

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -48,8 +49,8 @@ VersionedDocument parse_versioned_document(std::string_view kind, std::string_vi
 /// Returns the JSON of parse_versioned_document() for a kind with a single version.
 nlohmann::json parse_document(std::string_view kind, std::string_view text, std::string_view name);
 
-/// Returns an object whose first member is the schema's name and version.
-nlohmann::ordered_json make_document(std::string_view kind);
+/// Returns an object whose first member is the schema's name and version; nullopt: the newest.
+nlohmann::ordered_json make_document(std::string_view kind, std::optional<int> version = {});
 
 /// Returns the object's id and adds it to `seen`. Throws Error (bad input) if `seen` contains it.
 std::string unique_id_from(const JsonNode& object, std::set<std::string, std::less<>>& seen);
@@ -65,6 +66,9 @@ nlohmann::ordered_json json_from(const DepthRange& range);
 
 /// Reads id, size, intrinsics, pose, row and column. Throws Error (bad input) for a non-rigid pose.
 CameraGeometry camera_from(const JsonNode& object);
+/// Returns whether the camera is a pinhole with a global shutter. Version 1 of rigs and import
+/// manifests has no others; documents without others are written in it, for older programs.
+bool is_plain_camera(const CameraGeometry& camera);
 nlohmann::ordered_json json_from(const CameraGeometry& camera);
 
 /// Reads a camera's photometric response. Throws Error (bad input) for a curve that does not

@@ -22,9 +22,43 @@ constexpr Fields kDistortion(custom([](const JsonNode&, Distortion&) {},
                              defaulted("k1", &Distortion::k1), defaulted("k2", &Distortion::k2),
                              defaulted("p1", &Distortion::p1), defaulted("p2", &Distortion::p2),
                              defaulted("k3", &Distortion::k3));
+std::array<double, 4> radial_distortion_from(const JsonNode& list) {
+  std::array<double, 4> factors{};
+  for (std::size_t i = 0; i < list.size(); ++i) factors[i] = list.at(i).get<double>();
+  return factors;
+}
+
+ordered_json terms_of(const std::array<double, 4>& factors) { return ordered_json(factors); }
+
+/// A distortion of another projection would be ignored.
+void check_projection(const JsonNode& object, const Intrinsics& intrinsics) {
+  if (intrinsics.projection == Projection::kPinhole) {
+    for (const char* property : {"radial_distortion", "half_angle"}) {
+      if (!object.has(property)) continue;
+      throw object.at(property).input_error(
+          "a pinhole has this property, allowed: only with \"projection\": \"fisheye\", "
+          "\"ftheta\", \"equisolid\" or \"orthographic\"",
+          "Give the projection, or remove the property");
+    }
+  } else if (object.has("distortion")) {
+    throw object.at("distortion")
+        .input_error(
+            "a fisheye lens has the distortion of a pinhole, allowed: "
+            "\"radial_distortion\"",
+            "Use \"radial_distortion\", or remove the projection");
+  }
+}
+
 constexpr Fields kIntrinsics(required("fx", &Intrinsics::fx), required("fy", &Intrinsics::fy),
                              required("cx", &Intrinsics::cx), required("cy", &Intrinsics::cy),
-                             optional("distortion", &Intrinsics::distortion, kDistortion));
+                             optional("distortion", &Intrinsics::distortion, kDistortion),
+                             optional("projection", &Intrinsics::projection,
+                                      enum_names<Projection>("pinhole", "fisheye", "ftheta",
+                                                             "equisolid", "orthographic")),
+                             optional("radial_distortion", &Intrinsics::radial_distortion,
+                                      Converter(radial_distortion_from, terms_of)),
+                             optional("half_angle", &Intrinsics::half_angle),
+                             check(check_projection));
 
 void check_rigid(const Matrix4& m, const JsonNode& matrix) {
   const auto element = [&](std::size_t row, std::size_t column) { return m[row * 4 + column]; };
@@ -91,12 +125,17 @@ constexpr Fields kCameraGeometry(required("id", &CameraGeometry::id),
                                  required("world_from_camera", &CameraGeometry::world_from_camera,
                                           Converter(pose_from, rows_of)),
                                  check(check_grid_position), optional("row", &CameraGeometry::row),
-                                 optional("col", &CameraGeometry::column));
+                                 optional("col", &CameraGeometry::column),
+                                 optional("line_time_us", &CameraGeometry::line_time_us));
 
 }  // namespace
 
 CameraGeometry camera_from(const JsonNode& object) {
   return kCameraGeometry.make<CameraGeometry>(object);
+}
+
+bool is_plain_camera(const CameraGeometry& camera) {
+  return camera.intrinsics.projection == Projection::kPinhole && camera.line_time_us == 0;
 }
 
 nlohmann::ordered_json json_from(const CameraGeometry& camera) {

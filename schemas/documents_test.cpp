@@ -169,7 +169,8 @@ TEST_P(EveryDocument, ComesBackTheSame) {
 
 TEST_P(EveryDocument, NewerVersionsAreRefusedWithAdvice) {
   json document = good(GetParam());
-  const int newest = std::string(GetParam()) == "shot" ? 3 : 1;
+  const std::string kind = GetParam();
+  const int newest = kind == "shot" ? 3 : kind == "rig" || kind == "import" ? 2 : 1;
   document["schema"] = std::string("raystage/") + GetParam() + "/" + std::to_string(newest + 1);
   document["a_future_property"] = 1;
   EXPECT_THAT(
@@ -436,6 +437,51 @@ TEST(ImportManifest, ARingWithADepthRangeIsRefused) {
       {-1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, -1, 0}, {0, 0, 0, 1}};
   document["depth_range_m"] = {1, 5};
   EXPECT_THAT(refusal("import", document), HasSubstr("have no mean viewing direction"));
+}
+
+TEST(RigDocument, FisheyesAndRollingShuttersNeedVersion2) {
+  json document = good("rig");
+  const auto written_version = [&] {
+    return json::parse(rewritten("rig", document.dump())).at("schema").get<std::string>();
+  };
+  EXPECT_EQ(written_version(), "raystage/rig/1");
+  document["schema"] = "raystage/rig/2";
+  EXPECT_EQ(written_version(), "raystage/rig/1");
+  document["cameras"][1]["line_time_us"] = -12.5;
+  EXPECT_EQ(written_version(), "raystage/rig/2");
+  document["cameras"][0]["intrinsics"] = {{"fx", 300},
+                                          {"fy", 301},
+                                          {"cx", 320},
+                                          {"cy", 240},
+                                          {"projection", "equisolid"},
+                                          {"radial_distortion", {0.1, -0.02}},
+                                          {"half_angle", 1.6}};
+  const RigDocument rig = parse_rig(document.dump(), "f.json");
+  EXPECT_EQ(rig.cameras[0].geometry.intrinsics,
+            (Intrinsics{300, 301, 320, 240, {}, Projection::kEquisolid, {0.1, -0.02, 0, 0}, 1.6}));
+  EXPECT_EQ(rig.cameras[0].geometry.line_time_us, 0);
+  EXPECT_EQ(rig.cameras[1].geometry.line_time_us, -12.5);
+  EXPECT_EQ(parse_rig(format_rig(rig), "f.json").cameras[0].geometry, rig.cameras[0].geometry);
+  document["schema"] = "raystage/rig/1";
+  EXPECT_THAT(refusal("rig", document), HasSubstr("unknown property"));
+}
+
+TEST(RigDocument, ALensHasOneKindOfDistortion) {
+  json document = good("rig");
+  document["schema"] = "raystage/rig/2";
+  json& lens = document["cameras"][0]["intrinsics"];
+  lens["half_angle"] = 1.5;
+  EXPECT_THAT(refusal("rig", document),
+              StartsWith("f.json#/cameras/0/intrinsics/half_angle: a pinhole has this property"));
+  lens["projection"] = "fisheye";
+  EXPECT_EQ(refusal("rig", document), "accepted");
+  lens["distortion"] = {{"model", "brown_conrady"}, {"k1", 0.1}};
+  EXPECT_THAT(refusal("rig", document), HasSubstr("has the distortion of a pinhole"));
+  lens.erase("distortion");
+  for (const json& damage : {json(0), json(3.15), json("wide")}) {
+    lens["half_angle"] = damage;
+    EXPECT_THAT(refusal("rig", document), HasSubstr("half_angle"));
+  }
 }
 
 TEST(ImportManifest, ReadsEveryField) {

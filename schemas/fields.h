@@ -270,8 +270,9 @@ void write_document(const std::string& text, Document (*parse)(std::string_view,
   write_file_atomically(file, text);
 }
 template <typename Document, typename Table>
-std::string format_document(std::string_view kind, const Table& fields, const Document& document) {
-  nlohmann::ordered_json json = make_document(kind);
+std::string format_document(std::string_view kind, const Table& fields, const Document& document,
+                            std::optional<int> version = {}) {
+  nlohmann::ordered_json json = make_document(kind, version);
   fields.write(document, json);
   return format_json(json);
 }

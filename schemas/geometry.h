@@ -16,11 +16,22 @@ struct Distortion {
   bool operator==(const Distortion&) const = default;
 };
 
-/// Pinhole intrinsics in pixels. Image origin at the top-left corner of the top-left pixel, y down,
-/// pixel centres at +0.5.
+/// How a lens maps the angle between a ray and the optical axis to a distance from the principal
+/// point, in focal lengths: the tangent (kPinhole), the angle (kFisheye, which is OpenCV's word,
+/// and kFtheta), 2 sin(angle / 2) (kEquisolid) or sin(angle) (kOrthographic).
+enum class Projection { kPinhole, kFisheye, kFtheta, kEquisolid, kOrthographic };
+
+/// Intrinsics in pixels. Image origin at the top-left corner of the top-left pixel, y down, pixel
+/// centres at +0.5.
 struct Intrinsics {
   double fx = 1, fy = 1, cx = 0, cy = 0;
-  Distortion distortion;
+  Distortion distortion;  ///< of a pinhole
+  Projection projection = Projection::kPinhole;
+  /// Of other projections: factors of r^3, r^5, r^7 and r^9, which are added to the distance r.
+  std::array<double, 4> radial_distortion{};
+  /// Of other projections: largest angle of a recorded ray to the optical axis, radians, up to pi;
+  /// nullopt: as far as the projection reaches.
+  std::optional<double> half_angle = std::nullopt;
   bool operator==(const Intrinsics&) const = default;
 };
 
@@ -31,6 +42,9 @@ struct CameraGeometry {
   Intrinsics intrinsics;
   Matrix4 world_from_camera{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   std::optional<int> row, column;  ///< position in the grid; nullopt: none
+  /// Time from the exposure of a row to that of the row below, microseconds; negative: from the
+  /// bottom up; 0: global shutter.
+  double line_time_us = 0;
   bool operator==(const CameraGeometry&) const = default;
 };
 

@@ -148,7 +148,9 @@ ImportManifest parse_import_manifest(std::string_view text, std::string_view nam
 }
 
 std::string format_import_manifest(const ImportManifest& manifest) {
-  return format_document("import", kImport, manifest);
+  const bool is_plain = std::ranges::all_of(
+      manifest.cameras, [](const auto& camera) { return is_plain_camera(camera.geometry); });
+  return format_document("import", kImport, manifest, is_plain ? 1 : 2);
 }
 
 ImportManifest read_import_manifest(const std::filesystem::path& file) {

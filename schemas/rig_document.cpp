@@ -36,7 +36,12 @@ RigDocument parse_rig(std::string_view text, std::string_view name) {
   return parse_document_as<RigDocument>("rig", kRig, text, name);
 }
 
-std::string format_rig(const RigDocument& rig) { return format_document("rig", kRig, rig); }
+std::string format_rig(const RigDocument& rig) {
+  const bool is_plain = std::ranges::all_of(rig.cameras, [](const RigDocument::Camera& camera) {
+    return is_plain_camera(camera.geometry);
+  });
+  return format_document("rig", kRig, rig, is_plain ? 1 : 2);
+}
 
 RigDocument read_rig(const std::filesystem::path& file) {
   return parse_rig(read_file(file), file.string());

@@ -15,7 +15,8 @@ struct ContainedPath;
 
 namespace raystage::schemas {
 
-/// Schema "raystage/rig/1" (TAKE/rig.json): the physical array.
+/// Schema "raystage/rig/2" (TAKE/rig.json): the physical array. Rigs of pinholes with global
+/// shutters are written in version 1, which programs before fisheyes read, too.
 struct RigDocument {
   struct Camera {
     CameraGeometry geometry;

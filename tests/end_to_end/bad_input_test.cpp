@@ -91,7 +91,7 @@ TEST_F(BadInput, ZeroCameras) {
 }
 
 TEST_F(BadInput, AFutureVersion) {
-  expect_refused(replaced(small_manifest(), "import/1", "import/2"), "2");
+  expect_refused(replaced(small_manifest(), "import/1", "import/3"), "3");
 }
 
 TEST_F(BadInput, OptionsThatAreNotFinite) {

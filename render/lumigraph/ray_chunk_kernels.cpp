@@ -83,8 +83,11 @@ hn::Vec<D> locate(D d, const RayChunk& chunk, const ChunkCamera& camera, float b
   const auto depth = hn::Neg(in_camera(2));
   const auto in_front = hn::Gt(depth, zero);
   const auto scale = hn::Div(one, hn::IfThenElse(in_front, depth, one));
-  const auto sight = project_through_lens(d, camera.lens, hn::Mul(in_camera(0), scale),
-                                          hn::Neg(hn::Mul(in_camera(1), scale)), in_front);
+  const auto sight =
+      camera.lens.is_fisheye
+          ? project_through_fisheye(d, camera.lens, in_camera(0), hn::Neg(in_camera(1)), depth)
+          : project_through_lens(d, camera.lens, hn::Mul(in_camera(0), scale),
+                                 hn::Neg(hn::Mul(in_camera(1), scale)), in_front);
   hn::Store(sight.u, d, out.u.data() + i);
   hn::Store(sight.v, d, out.v.data() + i);
   hn::Store(sight.seen, d, out.seen.data() + i);

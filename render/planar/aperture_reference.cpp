@@ -10,6 +10,7 @@
 #include "render/planar/aperture_lens.h"
 #include "render/planar/depth_map.h"
 #include "render/planar/ray_plane_intersection.h"
+#include "render/sampling/direction_visibility.h"
 #include "render/sampling/reference_renderer.h"
 
 namespace raystage::render {
@@ -52,10 +53,10 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
       present += weight;
       const rig::Rig::Camera& source = instant.rig->cameras[i];
       Eigen::Vector2d in_frame;
-      const double seen = visibility(source.model,
-                                     source.pose.world_from_camera_rotation.transpose() *
-                                         hit.direction_from(source.pose.position),
-                                     in_frame);
+      const double seen = direction_visibility(source.model,
+                                               source.pose.world_from_camera_rotation.transpose() *
+                                                   hit.direction_from(source.pose.position),
+                                               in_frame);
       if (seen <= 0) continue;
       const FrameSample sample = renderer.frames().sample(i, in_frame);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * seen * sample.rgb[c];

@@ -10,6 +10,7 @@
 #include "render/common/ray_cells.h"
 #include "render/planar/focal_plane.h"
 #include "render/planar/ray_plane_intersection.h"
+#include "render/sampling/direction_visibility.h"
 #include "render/sampling/reference_renderer.h"
 
 namespace raystage::render {
@@ -59,10 +60,10 @@ RenderedView render_focal_plane_reference(const ViewRequest& request, CornerWeig
       const auto camera = static_cast<std::size_t>(cell.camera[i]);
       const rig::Rig::Camera& source = instant.rig->cameras[camera];
       Eigen::Vector2d position;
-      const double seen = visibility(source.model,
-                                     source.pose.world_from_camera_rotation.transpose() *
-                                         hit.direction_from(source.pose.position),
-                                     position);
+      const double seen = direction_visibility(source.model,
+                                               source.pose.world_from_camera_rotation.transpose() *
+                                                   hit.direction_from(source.pose.position),
+                                               position);
       if (seen <= 0) continue;
       const FrameSample sample = renderer.frames().sample(camera, position);
       const double weight = crossing->weight[i] * seen;

@@ -10,6 +10,8 @@
 #include <atomic>
 #include <cmath>
 
+#include "render/sampling/fisheye_footprint.h"
+
 namespace raystage::render {
 namespace {
 
@@ -74,13 +76,10 @@ void mark_pixels(const SourceView& c, double left, double right, double top, dou
   }
 }
 
-/// The ideal image points of the block's four corners at one depth.
-struct Corners {
-  std::array<double, 4> x{}, y{};
-  int in_front = 0;
-};
-Corners corners_at(const DepthSource& source, const ViewBlock& block, double inverse_depth) {
-  Corners corners;
+/// Returns the directions (x right, y down, z ahead) of the block's four corners at one depth.
+std::array<Eigen::Vector3d, 4> directions_at(const DepthSource& source, const ViewBlock& block,
+                                             double inverse_depth) {
+  std::array<Eigen::Vector3d, 4> directions;
   const auto& m = source.camera.ideal_from_pixel;
   for (std::size_t i = 0; i < 4; ++i) {
     const double x = (i & 1) ? block.right - 0.5 : block.left + 0.5;
@@ -89,19 +88,99 @@ Corners corners_at(const DepthSource& source, const ViewBlock& block, double inv
       return m[3 * r] * x + m[3 * r + 1] * y + m[3 * r + 2] +
              inverse_depth * source.per_inverse_depth[r];
     };
-    const double w = row(2);
+    directions[i] = {row(0), row(1), row(2)};
+  }
+  return directions;
+}
+
+/// The ideal image points of the block's four corners at one depth.
+struct Corners {
+  std::array<double, 4> x{}, y{};
+  int in_front = 0;
+};
+Corners corners_at(const DepthSource& source, const ViewBlock& block, double inverse_depth) {
+  Corners corners;
+  const auto directions = directions_at(source, block, inverse_depth);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const double w = directions[i].z();
     if (!(w > 0)) continue;
     ++corners.in_front;
-    corners.x[i] = row(0) / w;
-    corners.y[i] = row(1) / w;
+    corners.x[i] = directions[i].x() / w;
+    corners.y[i] = directions[i].y() / w;
   }
   return corners;
+}
+
+/// From far to near, corners move along a line in the image. Pieces avoid one large rectangle
+/// around a slanted line.
+constexpr double kPieceLength = 16;  // pixels
+constexpr int kMaxPieces = 256;
+
+int pieces_of(double longest) {
+  return 1 + static_cast<int>(std::min<double>(kMaxPieces - 1, longest / kPieceLength));
+}
+double depth_of_piece(const ViewBlock& block, int piece, int pieces) {
+  if (piece == pieces) return block.nearest;
+  const double part = static_cast<double>(piece) / pieces;
+  return (1 - part) * block.farthest + part * block.nearest;
+}
+
+/// Marks what the interpolation reads about the positions in a region of the frame.
+void mark_region(const SourceView& c, const Region& pixels, Interpolation interpolation) {
+  // Exceeds the rounding errors of the kernels, which compute in float (pixels).
+  const double slack = 0.25;
+  const double before =
+      (interpolation == Interpolation::kCubic ? 1.5 : 0.5) + c.chroma_radius + slack;
+  const double behind = (interpolation == Interpolation::kCubic ? 2 : 1) + c.chroma_radius + slack;
+  if (pixels.x.high >= -slack && pixels.x.low <= c.width + slack && pixels.y.high >= -slack &&
+      pixels.y.low <= c.height + slack) {
+    // Beyond the outermost pixel centres the outermost pixels are read.
+    const double left = std::clamp(pixels.x.low, 0.5, c.width - 0.5);
+    const double right = std::clamp(pixels.x.high, 0.5, c.width - 0.5);
+    const double top = std::clamp(pixels.y.low, 0.5, c.height - 0.5);
+    const double bottom = std::clamp(pixels.y.high, 0.5, c.height - 0.5);
+    mark_pixels(c, left - 0.5 - before, right - 0.5 + behind, top - 0.5 - before,
+                bottom - 0.5 + behind);
+  }
+}
+
+/// As mark_block(), in a fisheye: bounds each piece by the directions of its corners.
+void mark_in_fisheye(const DepthSource& source, const ViewBlock& block,
+                     Interpolation interpolation) {
+  const SourceView& c = source.camera;
+  std::array<Eigen::Vector3d, 8> corners;  // farther ones, then nearer ones
+  const auto far = directions_at(source, block, block.farthest);
+  const auto near = directions_at(source, block, block.nearest);
+  double longest = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector2d moved = fisheye_position(c, near[i]) - fisheye_position(c, far[i]);
+    longest = std::max(longest, moved.cwiseAbs().maxCoeff());
+  }
+  const int pieces = pieces_of(longest);
+  std::ranges::copy(far, corners.begin());
+  for (int piece = 1; piece <= pieces; ++piece) {
+    std::ranges::copy(directions_at(source, block, depth_of_piece(block, piece, pieces)),
+                      corners.begin() + 4);
+    const FisheyeFootprint found = fisheye_footprint(c, corners, false);
+    if (found.place == FisheyeFootprint::Place::kUnclear) {
+      mark_pixels(c, 0, c.width - 1, 0, c.height - 1);
+      return;
+    }
+    if (found.place == FisheyeFootprint::Place::kSeen) {
+      mark_region(c, {{found.left, found.right}, {found.top, found.bottom}}, interpolation);
+    }
+    std::copy(corners.begin() + 4, corners.end(), corners.begin());
+  }
 }
 
 }  // namespace
 
 void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation interpolation) {
   const SourceView& c = source.camera;
+  if (c.is_fisheye) {
+    mark_in_fisheye(source, block, interpolation);
+    return;
+  }
   const Corners far = corners_at(source, block, block.farthest);
   const Corners near = corners_at(source, block, block.nearest);
   if (far.in_front + near.in_front == 0) return;  // W is linear
@@ -109,28 +188,15 @@ void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation
     mark_pixels(c, 0, c.width - 1, 0, c.height - 1);
     return;
   }
-  // From far to near, each corner moves along a line in the image. Pieces avoid one large rectangle
-  // around a slanted line.
   double longest = 0;
   for (std::size_t i = 0; i < 4; ++i) {
     longest = std::max(
         {longest, c.fx * std::abs(near.x[i] - far.x[i]), c.fy * std::abs(near.y[i] - far.y[i])});
   }
-  constexpr double kPieceLength = 16;  // pixels
-  constexpr int kMaxPieces = 256;
-  const int pieces = 1 + static_cast<int>(std::min<double>(kMaxPieces - 1, longest / kPieceLength));
-  // Exceeds the rounding errors of the kernels, which compute in float (pixels).
-  const double slack = 0.25;
-  const double before =
-      (interpolation == Interpolation::kCubic ? 1.5 : 0.5) + c.chroma_radius + slack;
-  const double behind = (interpolation == Interpolation::kCubic ? 2 : 1) + c.chroma_radius + slack;
+  const int pieces = pieces_of(longest);
   Corners from = far;
   for (int piece = 1; piece <= pieces; ++piece) {
-    const double part = static_cast<double>(piece) / pieces;
-    const Corners to =
-        piece == pieces
-            ? near
-            : corners_at(source, block, (1 - part) * block.farthest + part * block.nearest);
+    const Corners to = corners_at(source, block, depth_of_piece(block, piece, pieces));
     const auto range = [](const std::array<double, 4>& values) {
       const auto [low, high] = std::minmax_element(values.begin(), values.end());
       return Interval{*low, *high};
@@ -138,16 +204,7 @@ void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation
     // The hull of the corners contains the piece, because projections preserve lines.
     const Region pixels = project_through_lens(
         c, {joined(range(from.x), range(to.x)), joined(range(from.y), range(to.y))});
-    if (pixels.x.high >= -slack && pixels.x.low <= c.width + slack && pixels.y.high >= -slack &&
-        pixels.y.low <= c.height + slack) {
-      // Beyond the outermost pixel centres the outermost pixels are read.
-      const double left = std::clamp(pixels.x.low, 0.5, c.width - 0.5);
-      const double right = std::clamp(pixels.x.high, 0.5, c.width - 0.5);
-      const double top = std::clamp(pixels.y.low, 0.5, c.height - 0.5);
-      const double bottom = std::clamp(pixels.y.high, 0.5, c.height - 0.5);
-      mark_pixels(c, left - 0.5 - before, right - 0.5 + behind, top - 0.5 - before,
-                  bottom - 0.5 + behind);
-    }
+    mark_region(c, pixels, interpolation);
     from = to;
   }
 }

@@ -11,6 +11,7 @@
 #include <cmath>
 
 #include "render/common/ray_cells.h"
+#include "render/sampling/direction_visibility.h"
 
 namespace raystage::render {
 
@@ -56,17 +57,10 @@ DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::V
   DepthSample sample;
   const Eigen::Vector3d towards = camera.pose.world_from_camera_rotation.transpose() *
                                   (ray + inverse_depth * (eye - camera.pose.position));
-  if (!(towards.z() < 0)) return sample;
-  const Eigen::Vector2d ideal(towards.x() / -towards.z(), towards.y() / towards.z());
-  const auto pixel = camera.model.pixel_from_ideal(ideal);
-  if (!pixel) return sample;
-  sample.u = pixel->x();
-  sample.v = pixel->y();
-  const double to_border =
-      std::min({sample.u, frame.width - sample.u, sample.v, frame.height - sample.v});
-  const double to_fold = 1 - ideal.squaredNorm() / camera.model.fold_radius_squared();
-  sample.seen = std::clamp(to_border * kBorderFade, 0.0, 1.0);
-  if (camera.model.has_distortion()) sample.seen *= std::clamp(to_fold * kFoldFade, 0.0, 1.0);
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  sample.seen = direction_visibility(camera.model, towards, pixel);
+  sample.u = pixel.x();
+  sample.v = pixel.y();
   if (!(sample.seen > 0)) {
     sample.seen = 0;
     return sample;

@@ -62,11 +62,14 @@ void find_positions(const DepthSource& source, int x, int y, int n, const Inputs
     const auto steps = hn::Iota(d, static_cast<float>(i));
     const auto q = hn::Load(d, inputs.inverse_depth + i);
     const auto w = hn::MulAdd(q, deep_w, hn::MulAdd(steps, step_w, base_w));
+    const auto right = hn::MulAdd(q, deep_x, hn::MulAdd(steps, step_x, base_x));
+    const auto down = hn::MulAdd(q, deep_y, hn::MulAdd(steps, step_y, base_y));
     const auto in_front = hn::Gt(w, zero);
     const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
-    const auto x_ideal = hn::Mul(hn::MulAdd(q, deep_x, hn::MulAdd(steps, step_x, base_x)), inverse);
-    const auto y_ideal = hn::Mul(hn::MulAdd(q, deep_y, hn::MulAdd(steps, step_y, base_y)), inverse);
-    const auto sight = project_through_lens(d, source.camera, x_ideal, y_ideal, in_front);
+    const auto sight = source.camera.is_fisheye
+                           ? project_through_fisheye(d, source.camera, right, down, w)
+                           : project_through_lens(d, source.camera, hn::Mul(right, inverse),
+                                                  hn::Mul(down, inverse), in_front);
     const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
     const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
     const auto x0 = hn::Floor(left), y0 = hn::Floor(top);

@@ -18,6 +18,20 @@ namespace {
 
 constexpr int kWidth = 61, kHeight = 47;
 
+/// A fisheye camera that sees up to `half_angle`, radians, from its axis.
+rig::Rig::Camera fisheye_at(double turn, schemas::Projection projection, double half_angle) {
+  schemas::CameraGeometry geometry;
+  geometry.id = "f";
+  geometry.width = kWidth;
+  geometry.height = kHeight;
+  geometry.intrinsics = {18, 17.5, 30.2, 23.1, {}, projection, {-0.03, 0.001, 0, 0}, half_angle};
+  rig::Pose pose;
+  pose.position = {0.05, 0.02, -0.1};
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(turn, Eigen::Vector3d(0.3, 1, 0.1).normalized()).toRotationMatrix();
+  return {"f", rig::CameraModel(geometry), pose, {}, {}, {}};
+}
+
 rig::Rig::Camera camera_at(const Eigen::Vector3d& position, double turn,
                            const schemas::Distortion& distortion) {
   schemas::CameraGeometry geometry;
@@ -72,6 +86,9 @@ const std::vector<std::pair<rig::Rig::Camera, const char*>>& cameras() {
       {camera_at({0, 0, 0}, 0, {}), "beside"},
       {camera_at({0.3, 0.1, -0.1}, 0.15, {-0.25, 0.06, 0.002, -0.003, 0.001}), "turned, distorted"},
       {camera_at({0, 0, -0.6}, 0.1, {}), "in front, partly passed"},
+      {fisheye_at(0.3, schemas::Projection::kFtheta, 1.2), "f-theta"},
+      {fisheye_at(0.1, schemas::Projection::kOrthographic, 1.4), "orthographic"},
+      {fisheye_at(1.5, schemas::Projection::kEquisolid, 2.0), "beyond a hemisphere"},
       {camera_at({0, 0, 0}, 3.0, {}), "looking away"}};
   return all;
 }
@@ -116,6 +133,79 @@ TEST(DepthSampling, EveryInstructionSetAgreesWithTheReference) {
   testing::for_each_simd_target(kernel_target, [&] {
     expect_samples_equal_reference(Interpolation::kLinear);
     expect_samples_equal_reference(Interpolation::kCubic);
+  });
+}
+
+/// Compares the positions of a fisheye of 3360x2160 pixels with CameraModel, at random rays.
+void expect_fisheye_positions(const schemas::Intrinsics& intrinsics, float code_per_pixel,
+                              const store::DecodedFrame& columns) {
+  schemas::CameraGeometry geometry;
+  geometry.id = "f";
+  geometry.width = columns.width;
+  geometry.height = columns.height;
+  geometry.intrinsics = intrinsics;
+  rig::Rig::Camera camera{"f", rig::CameraModel(geometry), {}, {}, {}, {}};
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const std::vector<float> far(100, 0.0F), all(100, 1.0F);
+  int compared = 0;
+  for (int i = 0; i < 200; ++i) {
+    rig::Pose pose;
+    pose.world_from_camera_rotation =
+        Eigen::AngleAxisd(3.2 * unit(random),
+                          Eigen::Vector3d(unit(random), unit(random), unit(random)).normalized())
+            .toRotationMatrix();
+    const VirtualCamera view = virtual_camera_with_fov(100, 20, 1.5, pose);
+    DepthSource source = depth_source(view, camera);
+    source.camera.rgba = columns.rgba.get();
+    std::vector<float> sums(400);
+    add_samples_at_depth(source, 0, 7, far, all, Interpolation::kLinear, sums);
+    for (std::size_t x = 0; x < 100; ++x) {
+      const Eigen::Vector3d ray =
+          world_ray_from_pixel(view) * Eigen::Vector3d(static_cast<double>(x) + 0.5, 7.5, 1);
+      const auto pixel = camera.model.project(ray);
+      if (!pixel || sums[4 * x + 3] != 65535.0F) continue;  // fading
+      ++compared;
+      EXPECT_NEAR(sums[4 * x] / code_per_pixel + 0.5F, pixel->x(), 1e-3);
+      EXPECT_NEAR(sums[4 * x + 1] / code_per_pixel + 0.5F, pixel->y(), 1e-3);
+    }
+  }
+  EXPECT_GT(compared, 1000);
+}
+
+TEST(DepthSampling, FisheyePositionsAreExactToAThousandthOfAPixel) {
+  constexpr int kColumns = 3360, kRows = 2160;
+  constexpr float kCodePerPixel = 19;
+  store::DecodedFrame frame;
+  frame.width = kColumns;
+  frame.height = kRows;
+  frame.rgba = std::make_unique<std::uint16_t[]>(4 * (std::size_t{kColumns} * (kRows + 1) + 1));
+  for (std::size_t y = 0; y < kRows; ++y) {
+    for (std::size_t x = 0; x < kColumns; ++x) {
+      std::uint16_t* pixel = &frame.rgba[4 * (y * kColumns + x)];
+      pixel[0] = static_cast<std::uint16_t>(19 * x);
+      pixel[1] = static_cast<std::uint16_t>(19 * y);
+      pixel[3] = 65535;
+    }
+  }
+  using schemas::Projection;
+  // The first is a camera of facebook360_dep's real rig.
+  const std::array<double, 4> real{-0.03413328161902581, 0.0004374554953464843,
+                                   -0.0018843963208481174, 0};
+  const schemas::Intrinsics ftheta{1115.08, 1115.08,      1682.1, 1083.9, {}, Projection::kFtheta,
+                                   real,    1.57079632679};
+  schemas::Intrinsics wide = ftheta, equisolid = ftheta, orthographic = ftheta, whole = ftheta;
+  wide.half_angle = 2.2;
+  wide.radial_distortion = {};
+  equisolid.projection = Projection::kEquisolid;
+  orthographic.projection = Projection::kOrthographic;
+  whole.projection = Projection::kEquisolid;
+  whole.radial_distortion = {};
+  whole.half_angle = std::nullopt;
+  testing::for_each_simd_target(kernel_target, [&] {
+    for (const auto& lens : {ftheta, wide, equisolid, orthographic, whole}) {
+      expect_fisheye_positions(lens, kCodePerPixel, frame);
+    }
   });
 }
 

@@ -11,6 +11,8 @@
 #include <atomic>
 #include <cmath>
 
+#include "render/sampling/fisheye_footprint.h"
+
 namespace raystage::render {
 namespace {
 
@@ -53,41 +55,21 @@ struct Footprint {
   double spacing = 0;  ///< largest, between samples
 };
 
-Footprint find_footprint(const SourceView& s, const PixelBlock& block) {
-  using Place = Footprint::Place;
-  Footprint out;
-  const auto& m = s.ideal_from_pixel;
+/// Returns the pixel centres at the corners of a block, in order.
+std::array<Point, 4> corners_of(const PixelBlock& block) {
   const double x0 = block.x_begin + 0.5, x1 = block.x_end - 0.5;
   const double y0 = block.y_begin + 0.5, y1 = block.y_end - 0.5;
-  std::array<Point, 4> corner{Point{x0, y0}, {x1, y0}, {x1, y1}, {x0, y1}};
-  double radius = 0;
-  int behind = 0;
-  for (Point& p : corner) {
-    const double w = m[6] * p.x + (m[7] * p.y + m[8]);
-    if (!(w > 0)) ++behind;
-    p = {(m[0] * p.x + (m[1] * p.y + m[2])) / w, (m[3] * p.x + (m[4] * p.y + m[5])) / w};
-    radius = std::max(radius, std::sqrt(p.x * p.x + p.y * p.y));
-  }
-  if (behind == 4) return out;
-  out.place = Place::kUnclear;
-  if (behind > 0 || !std::isfinite(radius)) return out;
-  const auto distance = [](const Point& a, const Point& b) {
-    return std::sqrt((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y));
-  };
-  double margin = kRounding;
-  if (s.distorted) {
-    const double diameter =
-        std::max({distance(corner[0], corner[2]), distance(corner[1], corner[3]),
-                  distance(corner[0], corner[1]), distance(corner[1], corner[2]),
-                  distance(corner[2], corner[3]), distance(corner[3], corner[0])});
-    if ((radius - diameter) * (radius - diameter) > s.fold_radius_squared && radius > diameter) {
-      out.place = Place::kUnseen;
-      return out;
-    }
-    margin += bend(s, radius) * diameter * diameter / 6 * static_cast<double>(std::max(s.fx, s.fy));
-    for (Point& p : corner) p = project_through_lens(s, p);
-  }
-  for (Point& p : corner) p = {p.x * s.fx + s.cx, p.y * s.fy + s.cy};
+  return {Point{x0, y0}, {x1, y0}, {x1, y1}, {x0, y1}};
+}
+
+double distance(const Point& a, const Point& b) {
+  return std::sqrt((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y));
+}
+
+/// Completes a footprint from the block's corners in the frame, pixels, and the margin about them.
+void enclose(const SourceView& s, const PixelBlock& block, const std::array<Point, 4>& corner,
+             double margin, Footprint& out) {
+  using Place = Footprint::Place;
   const auto [left, right] = std::minmax({corner[0].x, corner[1].x, corner[2].x, corner[3].x});
   const auto [top, bottom] = std::minmax({corner[0].y, corner[1].y, corner[2].y, corner[3].y});
   out.box = {left - margin, right + margin, top - margin, bottom + margin};
@@ -102,10 +84,68 @@ Footprint find_footprint(const SourceView& s, const PixelBlock& block) {
       std::max({per_pixel(corner[0], corner[1], columns), per_pixel(corner[3], corner[2], columns),
                 per_pixel(corner[0], corner[3], rows), per_pixel(corner[1], corner[2], rows)});
   const Box& box = out.box;
-  if (!std::isfinite(box.area())) return out;
+  if (!std::isfinite(box.area())) return;
   const bool outside =
       box.right <= 0 || box.bottom <= 0 || box.left >= s.width || box.top >= s.height;
   out.place = outside ? Place::kUnseen : Place::kAhead;
+}
+
+Footprint find_fisheye_footprint(const SourceView& s, const PixelBlock& block) {
+  const auto& m = s.ideal_from_pixel;
+  std::array<Eigen::Vector3d, 4> directions;
+  std::array<Point, 4> corner = corners_of(block);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto row = [&](std::size_t r) {
+      return m[3 * r] * corner[i].x + (m[3 * r + 1] * corner[i].y + m[3 * r + 2]);
+    };
+    directions[i] = {row(0), row(1), row(2)};
+    const Eigen::Vector2d pixel = fisheye_position(s, directions[i]);
+    corner[i] = {pixel.x(), pixel.y()};
+  }
+  const FisheyeFootprint found = fisheye_footprint(s, directions, true);
+  Footprint out;
+  if (found.place == FisheyeFootprint::Place::kUnseen) return out;
+  out.place = Footprint::Place::kUnclear;
+  const bool one_pixel = block.x_end - block.x_begin == 1 && block.y_end - block.y_begin == 1;
+  if (found.place == FisheyeFootprint::Place::kUnclear || (found.is_at_limit && !one_pixel)) {
+    return out;
+  }
+  enclose(s, block, corner, found.margin + kRounding, out);
+  return out;
+}
+
+Footprint find_footprint(const SourceView& s, const PixelBlock& block) {
+  using Place = Footprint::Place;
+  if (s.is_fisheye) return find_fisheye_footprint(s, block);
+  Footprint out;
+  const auto& m = s.ideal_from_pixel;
+  std::array<Point, 4> corner = corners_of(block);
+  double radius = 0;
+  int behind = 0;
+  for (Point& p : corner) {
+    const double w = m[6] * p.x + (m[7] * p.y + m[8]);
+    if (!(w > 0)) ++behind;
+    p = {(m[0] * p.x + (m[1] * p.y + m[2])) / w, (m[3] * p.x + (m[4] * p.y + m[5])) / w};
+    radius = std::max(radius, std::sqrt(p.x * p.x + p.y * p.y));
+  }
+  if (behind == 4) return out;
+  out.place = Place::kUnclear;
+  if (behind > 0 || !std::isfinite(radius)) return out;
+  double margin = kRounding;
+  if (s.distorted) {
+    const double diameter =
+        std::max({distance(corner[0], corner[2]), distance(corner[1], corner[3]),
+                  distance(corner[0], corner[1]), distance(corner[1], corner[2]),
+                  distance(corner[2], corner[3]), distance(corner[3], corner[0])});
+    if ((radius - diameter) * (radius - diameter) > s.fold_radius_squared && radius > diameter) {
+      out.place = Place::kUnseen;
+      return out;
+    }
+    margin += bend(s, radius) * diameter * diameter / 6 * static_cast<double>(std::max(s.fx, s.fy));
+    for (Point& p : corner) p = project_through_lens(s, p);
+  }
+  for (Point& p : corner) p = {p.x * s.fx + s.cx, p.y * s.fy + s.cy};
+  enclose(s, block, corner, margin, out);
   return out;
 }
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <limits>
 #include <random>
@@ -14,7 +15,9 @@ constexpr int kWidth = 320, kHeight = 240, kMcu = 16;
 
 /// Returns a camera that a view sees rotated, tilted and scaled at random, with or without lens
 /// distortion.
-SourceView random_camera(std::mt19937& random, bool distorted) {
+enum class Lens { kStraight, kDistorted, kFisheye };
+
+SourceView random_camera(std::mt19937& random, Lens lens) {
   const auto uniform = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };
@@ -29,9 +32,21 @@ SourceView random_camera(std::mt19937& random, bool distorted) {
   geometry.width = kWidth;
   geometry.height = kHeight;
   geometry.intrinsics = {250, 250, 160, 120, {}};
-  if (distorted) {
+  if (lens == Lens::kDistorted) {
     geometry.intrinsics.distortion = {uniform(-0.3, 0.3), uniform(-0.05, 0.05),
                                       uniform(-0.01, 0.01), uniform(-0.01, 0.01), 0};
+  }
+  if (lens == Lens::kFisheye) {
+    // Also turned so that a part of the view is behind it.
+    geometry.intrinsics = {70,
+                           71,
+                           160,
+                           120,
+                           {},
+                           schemas::Projection::kFtheta,
+                           {uniform(-0.05, 0.05), 0, 0, 0},
+                           uniform(1, 2)};
+    matrix = Eigen::AngleAxisd(uniform(-2, 2), Eigen::Vector3d(0.2, 1, 0).normalized()) * matrix;
   }
   SourceView camera = make_source_view(rig::CameraModel(geometry), matrix);
   camera.mcus_per_row = kWidth / kMcu;
@@ -43,8 +58,8 @@ SourceView random_camera(std::mt19937& random, bool distorted) {
 TEST(NeededMcus, BlocksNeedAllThatTheirPixelsReadAndLittleMore) {
   std::mt19937 random(7);
   std::size_t exact_total = 0, block_total = 0;
-  for (int i = 0; i < 400; ++i) {
-    SourceView camera = random_camera(random, i % 2 == 1);
+  for (int i = 0; i < 600; ++i) {
+    SourceView camera = random_camera(random, static_cast<Lens>(i % 3));
     constexpr int kX = 128, kY = 8, kMcus = kWidth / kMcu * (kHeight / kMcu);
     std::vector<std::uint8_t> by_block(kMcus), by_tap(kMcus);
     const int y = static_cast<int>(random() % 90);
@@ -73,7 +88,7 @@ TEST(NeededMcus, BlocksNeedAllThatTheirPixelsReadAndLittleMore) {
 
 TEST(NeededMcus, NothingIsNeededOfACameraThatSeesNothing) {
   std::mt19937 random(7);
-  SourceView camera = random_camera(random, false);
+  SourceView camera = random_camera(random, Lens::kStraight);
   std::vector<std::uint8_t> mcus(kWidth / kMcu * (kHeight / kMcu));
   camera.wanted_mcus = mcus.data();
   for (double& w : camera.ideal_from_pixel) w = -w;  // behind it

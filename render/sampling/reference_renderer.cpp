@@ -75,22 +75,6 @@ std::int64_t ReferenceFrames::pixels_needed() const {
   return needed;
 }
 
-double visibility(const rig::CameraModel& model, const Vector3d& direction_in_camera,
-                  Vector2d& pixel) {
-  if (direction_in_camera.z() >= 0) return 0;
-  const Vector2d ideal(direction_in_camera.x() / -direction_in_camera.z(),
-                       direction_in_camera.y() / direction_in_camera.z());
-  const std::optional<Vector2d> projected = model.pixel_from_ideal(ideal);
-  if (!projected) return 0;
-  pixel = *projected;
-  const double to_border =
-      std::min({pixel.x(), model.width() - pixel.x(), pixel.y(), model.height() - pixel.y()});
-  const double border = std::clamp(to_border * kBorderFade, 0.0, 1.0);
-  const double to_fold = 1 - ideal.squaredNorm() / model.fold_radius_squared();
-  const double fold = model.has_distortion() ? std::clamp(to_fold * kFoldFade, 0.0, 1.0) : 1.0;
-  return border * fold;
-}
-
 std::array<float, 4> premultiplied_light(const std::array<double, 3>& color, double alpha,
                                          const store::FrameCache& cache) {
   std::array<float, 4> rgba{};

@@ -47,11 +47,6 @@ class ReferenceFrames {
   std::vector<std::vector<std::uint8_t>> read_;  ///< per camera and pixel; empty: not counted
 };
 
-/// Returns the visibility of a direction, 0 to 1, and sets `pixel` to its position in the image.
-/// The visibility fades at the frame's border and before a lens model folds back.
-double visibility(const rig::CameraModel& model, const Eigen::Vector3d& direction_in_camera,
-                  Eigen::Vector2d& pixel);
-
 /// Returns premultiplied linear light, R, G, B, A, of a colour in the blend space.
 std::array<float, 4> premultiplied_light(const std::array<double, 3>& color, double alpha,
                                          const store::FrameCache& cache);

@@ -21,6 +21,10 @@ SourceView make_source_view(const rig::CameraModel& camera,
   s.p2 = static_cast<float>(k.distortion.p2);
   s.distorted = camera.has_distortion();
   s.fold_radius_squared = static_cast<float>(camera.fold_radius_squared());
+  if (const rig::FisheyeLens* lens = camera.fisheye()) {
+    s.is_fisheye = true;
+    s.fisheye = fit_fisheye(*lens);
+  }
   s.width = camera.width();
   s.height = camera.height();
   return s;

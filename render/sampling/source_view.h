@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "render/common/contribution.h"
+#include "render/sampling/fisheye_fit.h"
 #include "rig/camera_model.h"
 #include "store/processing/frames/blend_space.h"
 
@@ -20,7 +21,9 @@ struct SourceView {
   float fx = 1, fy = 1, cx = 0, cy = 0;  ///< pixels
   float k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
   float fold_radius_squared = 0;  ///< limit of the lens model; infinity without one
-  bool distorted = false;
+  bool distorted = false;         ///< also of a fisheye
+  bool is_fisheye = false;        ///< `fisheye` counts; rays may come from behind, W <= 0
+  FisheyeFit fisheye;
   int width = 0, height = 0;  ///< pixels
 
   /// For blending: R, G, B, A per pixel, rows without padding between them (DecodedFrame);

@@ -180,6 +180,16 @@ HWY_INLINE void pad_taps(int n, Taps& taps) {
   for (int i = n; i % lanes != 0; ++i) taps.pixel[i] = 0;
 }
 
+/// Returns the frame positions of the directions (x right, y down, w ahead).
+template <class D, class V>
+HWY_INLINE FramePosition<V> frame_position(D d, const SourceView& source, V x, V y, V w) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  if (source.is_fisheye) return project_through_fisheye(d, source, x, y, w);
+  const auto in_front = hn::Gt(w, hn::Zero(d));
+  const auto scale = reciprocal(d, hn::IfThenElse(in_front, w, hn::Set(d, 1.0F)));
+  return project_through_lens(d, source, hn::Mul(x, scale), hn::Mul(y, scale), in_front);
+}
+
 /// Computes taps on a plane. `share`: camera weight per pixel, read in whole vectors beyond n.
 HWY_INLINE void compute_taps(const SourceView& source, int begin, int y, int n, const float* share,
                              Taps& taps) {
@@ -189,13 +199,18 @@ HWY_INLINE void compute_taps(const SourceView& source, int begin, int y, int n, 
   const double* m = source.ideal_from_pixel.data();
   const int anchor = ramp_anchor(m, begin, y, n);  // X = 0: the camera's axis
   // Common scale of (X, Y, W): only their ratio matters, and float must hold them.
-  const double w_here = m[6] * (begin + anchor + 0.5) + (m[7] * (y + 0.5) + m[8]);
-  const double scale = w_here != 0 ? 1 / std::abs(w_here) : 1;
+  const double at_x = begin + anchor + 0.5, at_y = y + 0.5;
+  const auto here = [&](int row) {
+    return std::abs(m[3 * row] * at_x + (m[3 * row + 1] * at_y + m[3 * row + 2]));
+  };
+  // A fisheye sees where W is 0.
+  const double size = source.is_fisheye ? std::max({here(0), here(1), here(2)}) : here(2);
+  const double scale = size != 0 ? 1 / size : 1;
   const Ramp ramp_x = ramp(m, begin, anchor, y, scale);
   const Ramp ramp_y = ramp(m + 3, begin, anchor, y, scale);
   const Ramp ramp_w = ramp(m + 6, begin, anchor, y, scale);
   const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
-  const auto one = set(1), zero = hn::Zero(d), stride = set(static_cast<float>(lanes));
+  const auto zero = hn::Zero(d), stride = set(static_cast<float>(lanes));
 
   if (run_is_inside_frame(source, begin, y, n)) {
     const auto fx = set(source.fx), fy = set(source.fy);
@@ -215,12 +230,8 @@ HWY_INLINE void compute_taps(const SourceView& source, int begin, int y, int n, 
   const auto last_y = set(static_cast<float>(source.height - 1));
   auto steps = iota_from(d, -anchor);
   for (int i = 0; i < n; i += lanes, steps = hn::Add(steps, stride)) {
-    const auto w = values(d, ramp_w, steps);
-    const auto in_front = hn::Gt(w, zero);
-    const auto inverse = reciprocal(d, hn::IfThenElse(in_front, w, one));
-    const auto x_ideal = hn::Mul(values(d, ramp_x, steps), inverse);
-    const auto y_ideal = hn::Mul(values(d, ramp_y, steps), inverse);
-    const auto sight = project_through_lens(d, source, x_ideal, y_ideal, in_front);
+    const auto sight = frame_position(d, source, values(d, ramp_x, steps), values(d, ramp_y, steps),
+                                      values(d, ramp_w, steps));
     const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
     const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
     store_taps(d, source.width, hn::Sub(left, half), hn::Sub(top, half),
@@ -239,7 +250,7 @@ HWY_INLINE void compute_taps_at_depth(const SourceView& source, const double* pe
   const int lanes = static_cast<int>(hn::Lanes(d));
   const double* m = source.ideal_from_pixel.data();
   const int anchor = ramp_anchor(m, begin, y, n);
-  const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F), half = hn::Set(d, 0.5F);
+  const auto zero = hn::Zero(d), half = hn::Set(d, 0.5F);
   const auto last_x = hn::Set(d, static_cast<float>(source.width - 1));
   const auto last_y = hn::Set(d, static_cast<float>(source.height - 1));
   for (int i = 0; i < n; i += lanes) {
@@ -249,11 +260,7 @@ HWY_INLINE void compute_taps_at_depth(const SourceView& source, const double* pe
       const auto way = hn::Set(d, static_cast<float>(per_inverse_depth[axis]));
       return hn::MulAdd(inverse, way, values(d, ramp(m + 3 * axis, begin, anchor, y, 1), steps));
     };
-    const auto w = along(2);
-    const auto in_front = hn::Gt(w, zero);
-    const auto scale = reciprocal(d, hn::IfThenElse(in_front, w, one));
-    const auto sight = project_through_lens(d, source, hn::Mul(along(0), scale),
-                                            hn::Mul(along(1), scale), in_front);
+    const auto sight = frame_position(d, source, along(0), along(1), along(2));
     const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
     const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
     store_taps(d, source.width, hn::Sub(left, half), hn::Sub(top, half),

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "render/common/plane_projection.h"
+#include "render/sampling/direction_visibility.h"
 #include "render/sampling/reference_renderer.h"
 #include "render/sampling/source_view.h"
 #include "render/slabs/slab_coverage.h"
@@ -159,13 +160,10 @@ class SlabsReference {
 
   void add(std::size_t camera, const Vector3d& in_camera, double weight, double in_image,
            Sum& sum) {
-    if (!(in_camera.z() < 0)) return;
     const rig::CameraModel& model = rig_.cameras[camera].model;
-    const Vector2d ideal(in_camera.x() / -in_camera.z(), in_camera.y() / in_camera.z());
-    const auto pixel = model.pixel_from_ideal(ideal);
+    const auto pixel = model.project(in_camera);
     if (!pixel) return;
-    const double to_fold = 1 - ideal.squaredNorm() / model.fold_radius_squared();
-    const double fold = model.has_distortion() ? std::clamp(to_fold * kFoldFade, 0.0, 1.0) : 1.0;
+    const double fold = lens_visibility(model, in_camera);
     // If the borders of the node's image and of the frame coincide, only one fade applies.
     const double border =
         std::min({in_image, fade(pixel->x(), model.width()), fade(pixel->y(), model.height())});

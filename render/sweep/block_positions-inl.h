@@ -16,6 +16,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "render/sampling/fisheye_footprint.h"
 #include "render/sampling/lens-inl.h"
 #include "render/sweep/cost_kernels.h"
 
@@ -102,7 +103,11 @@ class BlockProjection {
   void choose_origin(double x, double plane) {
     const auto at = [&](std::size_t r) { return first_[r] + x * along_[r] + plane * step_[r]; };
     const double w = at(2);
-    if (w > 0) {
+    if (lens_->is_fisheye) {
+      const Eigen::Vector2d pixel = fisheye_position(*lens_, {at(0), at(1), w});
+      column_ = within(pixel.x() - box_.left, box_.right - box_.left);
+      row_ = within(pixel.y() - box_.top, box_.bottom - box_.top);
+    } else if (w > 0) {
       double u = at(0) / w, v = at(1) / w;
       if (lens_->distorted) {  // without distortion: close enough for an origin
         u = static_cast<double>(lens_->fx) * u + static_cast<double>(lens_->cx);
@@ -132,7 +137,8 @@ class BlockProjection {
     const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
     const auto x = hn::Mul(line(0), inverse), y = hn::Mul(line(1), inverse);
     if (lens_->distorted) {
-      const auto point = project_through_lens(d, *lens_, x, y, in_front);
+      const auto point = lens_->is_fisheye ? project_through_fisheye(d, *lens_, line(0), line(1), w)
+                                           : project_through_lens(d, *lens_, x, y, in_front);
       const auto seen = hn::Gt(point.seen, zero);
       return ProjectedPoints<V, decltype(seen)>{hn::Sub(point.u, set(d, left_)),
                                                 hn::Sub(point.v, set(d, top_)), seen};

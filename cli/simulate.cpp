@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "base/error.h"
@@ -12,6 +14,7 @@
 #include "cli/printing.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
+#include "schemas/rig_document.h"
 #include "simulate/scene.h"
 
 namespace {
@@ -21,7 +24,8 @@ using namespace raystage::cli;
 
 struct Options {
   simulate::SimulationOptions settings;
-  std::string output, calibration = "true", chroma = "444";
+  std::string output, calibration = "true", chroma = "444", rig;
+  std::optional<double> k1, k2;
   double spacing_mm = 60, mounting_mm = 3, jitter_ms = 0.2, clock_offset_ms = 5;
   std::vector<double> spheres;  ///< x, y, z and radius of each
   int threads = 0;
@@ -39,12 +43,24 @@ void add_array_options(CommandLine command, Options& o) {
   command.option("--rotation-deg", s.turn_deg,
                  "Rotation of the array about the vertical axis, counter-clockwise from above, "
                  "degrees, -360 to 360; 0 = viewing direction -z");
+  using schemas::Projection;
+  command.choice("--lens", s.lens,
+                 {{"pinhole", Projection::kPinhole},
+                  {"fisheye", Projection::kFisheye},
+                  {"ftheta", Projection::kFtheta},
+                  {"equisolid", Projection::kEquisolid},
+                  {"orthographic", Projection::kOrthographic}},
+                 "Projection of the lenses; fisheye (OpenCV's) and ftheta are alike "
+                 "(default: pinhole)");
   command.option("--fov-deg", s.horizontal_fov_deg,
-                 "Horizontal field of view without distortion, full angle, degrees, 1-150");
+                 "Horizontal field of view without distortion, full angle, degrees, 1-150; "
+                 "orthographic up to 180, other fisheyes up to 300");
   command.option("--width", s.width, "Width of a frame, pixels, 1-16384");
   command.option("--height", s.height, "Height of a frame, pixels, 1-16384");
-  command.option("--k1", s.k1, "Radial distortion, r^2, -10 to 10");
-  command.option("--k2", s.k2, "Radial distortion, r^4, -10 to 10");
+  command.option("--k1", o.k1,
+                 "Radial distortion: factor of r^3, -10 to 10 (default: -0.2, of fisheyes 0)");
+  command.option("--k2", o.k2,
+                 "Radial distortion: factor of r^5, -10 to 10 (default: 0.05, of fisheyes 0)");
   command.option("--lens-deviation", s.lens_deviation,
                  "Standard deviation of the lenses: 1 = focal length 0.3 %, principal point 0.6 % "
                  "of the width, k1 and k2 0.01; 0-10");
@@ -67,6 +83,14 @@ void add_array_options(CommandLine command, Options& o) {
   command.option("--curve", errors.curve,
                  "Maximum deviation of the response's exponent from 1, 0-0.5");
   command.option("--hot-pixels", errors.hot_pixels, "Hot pixels of a camera, 0-20000");
+  Option rig = command.option("--rig FILE", o.rig,
+                              "Cameras of a rig.json instead of a grid, relative to the position "
+                              "and rotation of the array; "
+                              "their pictures are scaled to the width");
+  for (const char* of_grid :
+       {"--rows", "--columns", "--spacing-mm", "--fov-deg", "--height", "--lens", "--k1", "--k2"}) {
+    rig.excludes(of_grid);
+  }
   command.option("--calibration TEXT", o.calibration, "Calibration in rig.json; nominal: design")
       .one_of_listed({"true", "nominal"});
 }
@@ -129,6 +153,10 @@ ExitCode run(Options& o, std::stop_token stop) {
     s.truth_spheres.push_back({o.spheres[i], o.spheres[i + 1], o.spheres[i + 2], o.spheres[i + 3]});
   }
   s.spacing = o.spacing_mm / 1000;
+  if (s.lens != schemas::Projection::kPinhole) s.k1 = s.k2 = 0;
+  s.k1 = o.k1.value_or(s.k1);
+  s.k2 = o.k2.value_or(s.k2);
+  if (!o.rig.empty()) s.given_rig = schemas::read_rig(std::filesystem::path(o.rig));
   s.mounting_error = o.mounting_mm / 1000;
   s.jitter = o.jitter_ms / 1000;
   s.clock_offset = o.clock_offset_ms / 1000;

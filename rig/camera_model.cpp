@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,13 @@ constexpr double kInversePixels = 2e-10;
 constexpr double kLeastForward = 1e-8;
 // Least radius of a picture, pixels.
 constexpr double kLeastRadius = 0.5;
+
+/// Returns whether a facet shows a direction in its axes (x right, y down, z ahead).
+bool shows(const Facet& facet, const Eigen::Vector3d& direction) {
+  const double z = direction.z();
+  return z > 0 && direction.x() >= facet.left * z && direction.x() <= facet.right * z &&
+         direction.y() >= facet.top * z && direction.y() <= facet.bottom * z;
+}
 
 }  // namespace
 
@@ -71,10 +79,7 @@ CameraModel::CameraModel(const schemas::CameraGeometry& geometry)
 }
 
 std::optional<Eigen::Vector2d> CameraModel::project(const Eigen::Vector3d& x_in_camera) const {
-  if (fisheye_) {
-    return pixel_from_image(
-        fisheye_->image_from_direction({x_in_camera.x(), -x_in_camera.y(), -x_in_camera.z()}));
-  }
+  if (fisheye_) return pixel_of_direction({x_in_camera.x(), -x_in_camera.y(), -x_in_camera.z()});
   if (!(x_in_camera.z() < 0)) return std::nullopt;
   return pixel_from_ideal(
       {x_in_camera.x() / -x_in_camera.z(), -x_in_camera.y() / -x_in_camera.z()});
@@ -82,7 +87,7 @@ std::optional<Eigen::Vector2d> CameraModel::project(const Eigen::Vector3d& x_in_
 
 std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pixel) const {
   if (fisheye_) {
-    const auto direction = fisheye_->direction_from_image(image_from_pixel(pixel));
+    const auto direction = direction_of_pixel(pixel);
     if (!direction) return std::nullopt;
     return Eigen::Vector3d(direction->x(), -direction->y(), -direction->z());
   }
@@ -92,7 +97,7 @@ std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pix
 }
 
 std::optional<Eigen::Vector2d> CameraModel::pixel_from_ideal(const Eigen::Vector2d& ideal) const {
-  if (fisheye_) return pixel_from_image(fisheye_->image_from_direction(ideal.homogeneous()));
+  if (fisheye_) return pixel_of_direction(ideal.homogeneous());
   // The margin lets results of ideal_from_pixel() at the fold project again.
   if (!ideal.allFinite() || !(ideal.squaredNorm() <= fold_radius_squared_ * (1 + 1e-14))) {
     return std::nullopt;
@@ -118,13 +123,42 @@ std::optional<Eigen::Vector2d> CameraModel::ideal_from_pixel(const Eigen::Vector
   if (!pixel.allFinite()) return std::nullopt;
   const Eigen::Vector2d distorted = image_from_pixel(pixel);
   if (fisheye_) {
-    const auto direction = fisheye_->direction_from_image(distorted);
+    const auto direction = direction_of_pixel(pixel);
     if (!direction || !(direction->z() > kLeastForward)) return std::nullopt;
     return Eigen::Vector2d(direction->hnormalized());
   }
   if (!has_distortion()) return distorted;
   const double tolerance = kInversePixels / std::max(intrinsics_.fx, intrinsics_.fy);
   return undistort(intrinsics_.distortion, distorted, std::sqrt(fold_radius_squared_), tolerance);
+}
+
+CameraModel CameraModel::with_facet(const Facet& facet) const {
+  if (!fisheye_) throw std::logic_error("a pinhole has no facets");
+  CameraModel model = *this;
+  model.facet_ = std::make_shared<const Facet>(facet);
+  return model;
+}
+
+double CameraModel::facet_share(const Eigen::Vector3d& x_in_camera) const {
+  if (!facet_) return 1;
+  if (!(x_in_camera.z() < 0)) return 0;
+  const double farthest = x_in_camera.head<2>().cwiseAbs().maxCoeff() / -x_in_camera.z();
+  return std::clamp((Facet::kReach - farthest) / (Facet::kReach - 1), 0.0, 1.0);
+}
+
+std::optional<Eigen::Vector2d> CameraModel::pixel_of_direction(
+    const Eigen::Vector3d& direction) const {
+  if (!facet_) return pixel_from_image(fisheye_->image_from_direction(direction));
+  if (!shows(*facet_, direction)) return std::nullopt;
+  return pixel_from_image(fisheye_->image_from_direction(facet_->lens_from_facet * direction));
+}
+
+std::optional<Eigen::Vector3d> CameraModel::direction_of_pixel(const Eigen::Vector2d& pixel) const {
+  const auto direction = fisheye_->direction_from_image(image_from_pixel(pixel));
+  if (!direction || !facet_) return direction;
+  const Eigen::Vector3d of_facet = facet_->lens_from_facet.transpose() * *direction;
+  if (!shows(*facet_, of_facet)) return std::nullopt;
+  return of_facet;
 }
 
 bool CameraModel::contains(const Eigen::Vector2d& pixel) const {

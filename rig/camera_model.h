@@ -11,6 +11,17 @@
 
 namespace raystage::rig {
 
+/// A part of a fisheye's rays, as a pinhole with other axes shows them: those whose ideal image
+/// points, in the facet's axes, are within a rectangle. The frame stays that of the fisheye.
+struct Facet {
+  /// Rotation, between axes x right, y down, z ahead.
+  Eigen::Matrix3d lens_from_facet = Eigen::Matrix3d::Identity();
+  double left = 0, right = 0, top = 0, bottom = 0;  ///< ideal image points
+  double focal_length = 1;                          ///< of the pinhole, pixels
+  /// Facets of a camera overlap beyond |x| = 1 and |y| = 1, up to this.
+  static constexpr double kReach = 1.2;
+};
+
 /// A camera: a pinhole with Brown-Conrady distortion (thesis 4.3; OpenCV's coefficients), or a
 /// fisheye (FisheyeLens).
 ///
@@ -34,6 +45,15 @@ class CameraModel {
 
   /// Returns the fisheye lens, or null for a pinhole.
   const FisheyeLens* fisheye() const { return fisheye_.get(); }
+
+  /// Returns a facet of this fisheye. Its camera axes and ideal image points are the facet's; rays
+  /// outside the facet do not exist.
+  CameraModel with_facet(const Facet& facet) const;
+  /// Returns the facet, or null for a whole camera.
+  const Facet* facet() const { return facet_.get(); }
+  /// Returns the share of a facet in a point that it and its neighbours show: 1, but falls to 0
+  /// where facets overlap. 1 for a whole camera.
+  double facet_share(const Eigen::Vector3d& x_in_camera) const;
 
   /// Returns the pixel of a point, or nullopt at or behind a pinhole's plane (z >= 0), or beyond
   /// the fold or a fisheye's largest angle. The pixel may lie outside the image.
@@ -64,10 +84,15 @@ class CameraModel {
       const std::optional<Eigen::Vector2d>& point) const;
   Eigen::Vector2d image_from_pixel(const Eigen::Vector2d& pixel) const;
 
+  /// Directions have the axes x right, y down, z ahead.
+  std::optional<Eigen::Vector2d> pixel_of_direction(const Eigen::Vector3d& direction) const;
+  std::optional<Eigen::Vector3d> direction_of_pixel(const Eigen::Vector2d& pixel) const;
+
   schemas::Intrinsics intrinsics_;
   int width_ = 0, height_ = 0;
   double fold_radius_squared_ = std::numeric_limits<double>::infinity();
   std::shared_ptr<const FisheyeLens> fisheye_;
+  std::shared_ptr<const Facet> facet_;
 };
 
 }  // namespace raystage::rig

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rig/rig.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 #include <set>
 
 #include "base/error.h"
@@ -11,6 +13,7 @@
 namespace raystage::rig {
 
 Eigen::Vector3d Rig::centre() const {
+  if (array) return array->centre();
   // Relative to the first camera, so that an array far from the origin loses no precision.
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Camera& camera : cameras) sum += camera.pose.position - cameras[0].pose.position;
@@ -18,11 +21,64 @@ Eigen::Vector3d Rig::centre() const {
 }
 
 Eigen::Vector3d Rig::mean_viewing_direction() const {
+  if (array) return array->mean_viewing_direction();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Camera& camera : cameras) sum += camera.pose.viewing_direction();
   // Cameras that look in all directions have no mean direction: use the first camera's.
   if (sum.norm() <= 1e-9) return cameras[0].pose.viewing_direction().normalized();
   return sum.normalized();
+}
+
+namespace {
+
+/// Returns the largest angle between a ray that a camera records and a direction, radians, from
+/// rays of the picture's border; for fisheyes.
+double farthest_recorded(const Rig::Camera& camera, const Eigen::Vector3d& direction) {
+  constexpr int kParts = 16;  // of each side
+  const double largest = camera.model.fisheye()->largest_angle();
+  const Eigen::Vector3d axis = camera.pose.viewing_direction();
+  const double of_axis = std::atan2(axis.cross(direction).norm(), axis.dot(direction));
+  double farthest = of_axis;
+  for (int i = 0; i < 4 * kParts; ++i) {
+    const double part = static_cast<double>(i % kParts) / kParts;
+    const double x = i < kParts ? part : i < 2 * kParts ? 1 : i < 3 * kParts ? 1 - part : 0;
+    const double y = i < kParts ? 0 : i < 2 * kParts ? part : i < 3 * kParts ? 1 : 1 - part;
+    const auto ray = camera.model.unproject({x * camera.model.width(), y * camera.model.height()});
+    if (!ray) {  // the picture shows the whole circle there
+      farthest = std::max(farthest, largest);
+      continue;
+    }
+    const Eigen::Vector3d towards = camera.pose.world_from_camera_rotation * *ray;
+    farthest =
+        std::max(farthest, std::atan2(towards.cross(direction).norm(), towards.dot(direction)));
+  }
+  return farthest;
+}
+
+}  // namespace
+
+bool Rig::looks_around() const {
+  if (array) return array->looks_around();
+  // Beyond this angle a plane in front of the array is several times as far as nearest to it.
+  constexpr double kAhead = 75 * std::numbers::pi / 180;
+  constexpr double kAligned = 0.8, kOutwards = 0.1;
+  const Eigen::Vector3d middle = centre(), mean = mean_viewing_direction();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double outwards = 0;
+  for (const Camera& camera : cameras) {
+    const Eigen::Vector3d axis = camera.pose.viewing_direction();
+    sum += axis;
+    const Eigen::Vector3d from_middle = camera.pose.position - middle;
+    if (from_middle.norm() > 0) outwards += axis.dot(from_middle.normalized());
+    if (camera.model.fisheye() != nullptr && farthest_recorded(camera, mean) > kAhead) return true;
+  }
+  const auto count = static_cast<double>(cameras.size());
+  return sum.norm() < kAligned * count && outwards > kOutwards * count;
+}
+
+double Rig::depth_of(const Eigen::Vector3d& point) const {
+  const Eigen::Vector3d from_centre = point - centre();
+  return looks_around() ? from_centre.norm() : mean_viewing_direction().dot(from_centre);
 }
 
 Rig rig_from_document(const schemas::RigDocument& document) {

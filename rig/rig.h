@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -22,9 +23,19 @@ struct Rig {
   };
   std::string topology_kind = "auto";  ///< as in rig.json: "auto" | "grid" | "delaunay"
   std::vector<Camera> cameras;
+  /// The array, if the cameras are facets of its cameras (pinhole_facets.h), otherwise null. Where
+  /// it is and looks is a property of the array.
+  std::shared_ptr<const Rig> array = nullptr;
 
   Eigen::Vector3d centre() const;                  ///< mean of the camera centres, world
   Eigen::Vector3d mean_viewing_direction() const;  ///< unit, world
+  /// Returns whether the array looks around rather than ahead: its cameras look outwards in
+  /// directions that differ, or through fisheyes that see beside the array. No plane is in front of
+  /// all that it sees: its depths are distances from its centre.
+  bool looks_around() const;
+  /// Returns the depth of a point (world) from the array, metres: along the mean viewing direction
+  /// from the centre, or, if the array looks around, the distance from the centre.
+  double depth_of(const Eigen::Vector3d& point) const;
 };
 
 /// Returns the rig of a document. Throws Error (bad input) for no camera or an invalid one.
@@ -40,7 +51,7 @@ std::vector<int> cameras_off_grid_step(const Rig& rig, int step);
 
 /// Returns the plane a x + b y + c z + d = 0 in the world, with a unit vector (a, b, c). The plane
 /// is perpendicular to the mean viewing direction and `depth` metres in front of the array's
-/// centre. For an infinite depth returns (0, 0, 0, 1).
+/// centre, also if the array looks around. For an infinite depth returns (0, 0, 0, 1).
 Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth);
 
 /// Returns the optimal focal depth in metres (thesis eq. 2.2): 1/zopt = (1/zmin + 1/zmax) / 2; zmax

@@ -6,6 +6,7 @@
 #include <cstddef>
 
 #include "schemas/fields.h"
+#include "schemas/projection_names.h"
 
 namespace raystage::schemas {
 namespace {
@@ -15,6 +16,8 @@ using nlohmann::ordered_json;
 // Matrices printed with six digits per number, as by many surveys, are within this.
 constexpr double kRigidTolerance = 1e-4;
 
+constexpr auto kProjectionNames =
+    enum_names<Projection>("pinhole", "fisheye", "ftheta", "equisolid", "orthographic");
 constexpr Fields kDistortion(custom([](const JsonNode&, Distortion&) {},
                                     [](const Distortion&, ordered_json& object) {
                                       object["model"] = "brown_conrady";
@@ -52,9 +55,7 @@ void check_projection(const JsonNode& object, const Intrinsics& intrinsics) {
 constexpr Fields kIntrinsics(required("fx", &Intrinsics::fx), required("fy", &Intrinsics::fy),
                              required("cx", &Intrinsics::cx), required("cy", &Intrinsics::cy),
                              optional("distortion", &Intrinsics::distortion, kDistortion),
-                             optional("projection", &Intrinsics::projection,
-                                      enum_names<Projection>("pinhole", "fisheye", "ftheta",
-                                                             "equisolid", "orthographic")),
+                             optional("projection", &Intrinsics::projection, kProjectionNames),
                              optional("radial_distortion", &Intrinsics::radial_distortion,
                                       Converter(radial_distortion_from, terms_of)),
                              optional("half_angle", &Intrinsics::half_angle),
@@ -129,6 +130,8 @@ constexpr Fields kCameraGeometry(required("id", &CameraGeometry::id),
                                  optional("line_time_us", &CameraGeometry::line_time_us));
 
 }  // namespace
+
+std::string_view name_of(Projection projection) { return kProjectionNames.name(projection); }
 
 CameraGeometry camera_from(const JsonNode& object) {
   return kCameraGeometry.make<CameraGeometry>(object);

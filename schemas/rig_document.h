@@ -34,6 +34,9 @@ struct RigDocument {
 /// cameras in a row with this spacing (metres).
 inline constexpr std::string_view kUncalibratedRigName = "not calibrated";
 inline constexpr double kDefaultCameraSpacing = 0.1;
+/// Returns the name of a projection in JSON, e.g. "ftheta".
+std::string_view name_of(Projection projection);
+
 inline bool is_calibrated(const RigDocument& rig) { return rig.name != kUncalibratedRigName; }
 
 RigDocument read_rig(const std::filesystem::path& file);

@@ -18,7 +18,6 @@
 namespace raystage::simulate {
 namespace {
 
-using Eigen::Vector2f;
 using Eigen::Vector3f;
 
 constexpr int kTile = 16;
@@ -77,33 +76,35 @@ PixelRays::PixelRays(const rig::CameraModel& model, const rig::Pose& pose)
       footprint_(static_cast<float>(2 / (model.intrinsics().fx + model.intrinsics().fy))),
       world_from_camera_(pose.world_from_camera_rotation.cast<float>()),
       position_(pose.position.cast<float>()),
-      ideal_(width_ + 2, height_ + 2) {
+      in_camera_(width_ + 2, height_ + 2) {
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
   for (int row = -1; row <= height_; ++row) {
     for (int column = -1; column <= width_; ++column) {
-      const auto point = model.ideal_from_pixel({column + 0.5, row + 0.5});
-      ideal_.at(column + 1, row + 1) =
-          point ? Vector2f(point->cast<float>()) : Vector2f(kNone, kNone);
+      const auto ray = model.unproject({column + 0.5, row + 0.5});
+      in_camera_.at(column + 1, row + 1) =
+          ray ? Vector3f(ray->cast<float>()) : Vector3f(kNone, kNone, kNone);
     }
   }
 }
 
-bool PixelRays::has_ray(int column, int row) const { return !std::isnan(ideal(column, row).x()); }
+bool PixelRays::has_ray(int column, int row) const {
+  return !std::isnan(in_camera(column, row).x());
+}
 
 Ray PixelRays::ray(int column, int row, float x, float y) const {
-  Vector2f point = ideal(column, row);
+  Vector3f towards = in_camera(column, row);
   // Interpolates with the slope between pixel centres. The error is below 1e-3 px for real lenses.
-  const auto step = [&](const Vector2f& before, const Vector2f& after) -> Vector2f {
-    if (std::isnan(before.x())) return after - point;
-    if (std::isnan(after.x())) return point - before;
+  const auto step = [&](const Vector3f& before, const Vector3f& after) -> Vector3f {
+    if (std::isnan(before.x())) return after - towards;
+    if (std::isnan(after.x())) return towards - before;
     return (after - before) / 2;
   };
   if (x != 0.5F || y != 0.5F) {
-    const Vector2f across = step(ideal(column - 1, row), ideal(column + 1, row));
-    const Vector2f down = step(ideal(column, row - 1), ideal(column, row + 1));
-    point += across * (x - 0.5F) + down * (y - 0.5F);
+    const Vector3f across = step(in_camera(column - 1, row), in_camera(column + 1, row));
+    const Vector3f down = step(in_camera(column, row - 1), in_camera(column, row + 1));
+    towards += across * (x - 0.5F) + down * (y - 0.5F);
   }
-  return {position_, world_from_camera_ * Vector3f(point.x(), -point.y(), -1).normalized()};
+  return {position_, world_from_camera_ * towards.normalized()};
 }
 
 void CameraRenderer::render_centres(const World& world, const PixelRays& rays,

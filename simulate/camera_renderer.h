@@ -29,19 +29,24 @@ class PixelRays {
   /// Returns the part of a distance along the ray through a pixel's centre that is along the
   /// optical axis.
   float forward_share(int column, int row) const {
-    return 1 / std::sqrt(1 + ideal(column, row).squaredNorm());
+    const Eigen::Vector3f& towards = in_camera(column, row);
+    return -towards.z() / towards.norm();
   }
   /// Returns the width of a pixel at a distance of 1 m, in metres.
   float footprint() const { return footprint_; }
 
  private:
-  const Eigen::Vector2f& ideal(int column, int row) const { return ideal_.at(column + 1, row + 1); }
+  const Eigen::Vector3f& in_camera(int column, int row) const {
+    return in_camera_.at(column + 1, row + 1);
+  }
 
   int width_, height_;
   float footprint_;
   Eigen::Matrix3f world_from_camera_;
   Eigen::Vector3f position_;
-  Image<Eigen::Vector2f> ideal_;  ///< at pixel centres, border of 1 pixel; NaN: no ray
+  /// Rays at pixel centres as CameraModel::unproject() scales them, with a border of 1 pixel; NaN:
+  /// there is none.
+  Image<Eigen::Vector3f> in_camera_;
 };
 
 /// A ball of one colour that neither receives light nor casts shadows, for composites: a renderer

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <numeric>
 #include <vector>
 
 #include "base/atomic_file.h"
@@ -133,16 +134,22 @@ class Simulation {
     return take;
   }
 
-  // Returns the depths of the nearest and farthest surface that the corner and central cameras see
+  // Returns the depths of the nearest and farthest surface that the cameras (the corner and central
+  // ones of a grid) see
   // during the take, rounded outwards to a centimetre.
   std::optional<schemas::DepthRange> visible_depths() {
-    const int last_row = options_.rows - 1, last_column = options_.columns - 1;
-    const std::vector<int> cameras{0, last_column, last_row * options_.columns,
-                                   options_.camera_count() - 1, options_.camera_count() / 2};
+    std::vector<int> cameras(static_cast<std::size_t>(options_.camera_count()));
+    std::iota(cameras.begin(), cameras.end(), 0);
+    if (!options_.given_rig) {
+      const int last_row = options_.rows - 1, last_column = options_.columns - 1;
+      cameras = {0, last_column, last_row * options_.columns, options_.camera_count() - 1,
+                 options_.camera_count() / 2};
+    }
     constexpr int kInstants = 12;
     constexpr int kStride = 2;
     const Eigen::Vector3f centre = true_rig_.centre().cast<float>();
     const Eigen::Vector3f forward = true_rig_.mean_viewing_direction().cast<float>();
+    const bool looks_around = true_rig_.looks_around();
     std::mutex mutex;
     float nearest = std::numeric_limits<float>::infinity(), farthest = 0;
     const auto trace_camera = [&](std::size_t index, const ParallelLoop& loop) {
@@ -167,7 +174,8 @@ class Simulation {
         for (std::size_t i = 0; i < rays.size(); ++i) {
           const float distance = std::min(hits[i].distance, moving_hits[i].distance);
           if (!std::isfinite(distance)) continue;
-          const float depth = forward.dot(rays[i].origin + rays[i].direction * distance - centre);
+          const Eigen::Vector3f point = rays[i].origin + rays[i].direction * distance - centre;
+          const float depth = looks_around ? point.norm() : forward.dot(point);
           nearest = std::min(nearest, depth);
           farthest = std::max(farthest, depth);
         }

@@ -13,6 +13,7 @@
 
 #include "base/frame_rate.h"
 #include "rig/pose.h"
+#include "rig/rig.h"
 #include "simulate/simulated_rig.h"
 #include "store/timeline.h"
 
@@ -23,17 +24,37 @@ constexpr double kDegrees = std::numbers::pi / 180;
 constexpr int kMinKeys = 8;
 constexpr int kTimesOfExposure = 32;
 
+/// The half width and height of the array, metres, along its x and y axes.
+struct Extent {
+  double half_x = 0, half_y = 0;
+  bool looks_around = false;
+};
+Extent extent_of(const SimulationOptions& s) {
+  if (!s.given_rig) return {s.spacing * (s.columns - 1) / 2, s.spacing * (s.rows - 1) / 2, false};
+  const rig::Rig array = rig::rig_from_document(*s.given_rig);
+  Eigen::Vector3d low = array.cameras[0].pose.position, high = low;
+  for (const rig::Rig::Camera& camera : array.cameras) {
+    low = low.cwiseMin(camera.pose.position);
+    high = high.cwiseMax(camera.pose.position);
+  }
+  // Within an array that looks around, a half is near its cameras' rays in all directions.
+  const double part = array.looks_around() ? 0.35 : 0.5;
+  const Eigen::Vector3d half = part * (high - low);
+  return {half.x(), half.y(), array.looks_around()};
+}
+
 // Returns the camera key at `u`, from 0 at the first frame to 1 at the last.
 schemas::ShotDocument::CameraKey key_at(const SimulationOptions& s, double frame, double u) {
   constexpr double kTurn = 2 * std::numbers::pi;
   // Narrower than the cameras, so that the view stays within their common field of view.
   const double widest = std::min(s.horizontal_fov_deg, 120.0);
   const double fov = widest * (0.71 + 0.05 * std::cos(kTurn * u));
-  const double half_x = s.spacing * (s.columns - 1) / 2, half_y = s.spacing * (s.rows - 1) / 2;
+  const auto [half_x, half_y, looks_around] = extent_of(s);
   // Moves along the axis as far as the corner rays still pass between the outer cameras.
   const double slope = std::tan(fov / 2 * kDegrees);
   const double depth = 0.35 * std::min(half_x, half_y * s.view_width() / s.view_height()) / slope;
-  const double yaw = 0.03 * widest * std::sin(kTurn * u) * kDegrees;
+  // Around the array once, if it looks around.
+  const double yaw = looks_around ? kTurn * u : 0.03 * widest * std::sin(kTurn * u) * kDegrees;
   const double pitch = 0.015 * widest * std::sin(kTurn * u + 1) * kDegrees;
   const rig::Pose of_array = simulated_rig_pose(s);
   const Eigen::Quaterniond orientation(Eigen::Quaterniond(of_array.world_from_camera_rotation) *

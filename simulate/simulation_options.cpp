@@ -31,7 +31,10 @@ bool SimulationOptions::is_valid(std::string* reason) const {
              position,
              [&](double value) { return is_within("position (m)", value, -1e6, 1e6, reason); }) &&
          within("turn (degrees)", turn_deg, -360, 360) && within("spacing (m)", spacing, 0, 10) &&
-         within("horizontal field of view (degrees)", horizontal_fov_deg, 1, 150) &&
+         within("horizontal field of view (degrees)", horizontal_fov_deg, 1,
+                lens == schemas::Projection::kPinhole        ? 150
+                : lens == schemas::Projection::kOrthographic ? 180
+                                                             : 300) &&
          within("width", width, 1, 16384) && within("height", height, 1, 16384) &&
          within("k1", k1, -10, 10) && within("k2", k2, -10, 10) &&
          within("lens deviation", lens_deviation, 0, 10) &&

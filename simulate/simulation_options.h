@@ -3,9 +3,11 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "schemas/rig_document.h"
 #include "store/jpeg/encode.h"
 
 namespace raystage::simulate {
@@ -34,7 +36,12 @@ struct SimulationOptions {
   double spacing = 0.06;           ///< between neighbours, metres
   double horizontal_fov_deg = 62;  ///< without distortion, full angle
   int width = 320, height = 240;   ///< pixels
-  double k1 = -0.2, k2 = 0.05;     ///< radial distortion (Brown-Conrady)
+  schemas::Projection lens = schemas::Projection::kPinhole;
+  /// radial distortion: Brown-Conrady of a pinhole, of r^3 and r^5 of other projections
+  double k1 = -0.2, k2 = 0.05;
+  /// Cameras to use instead of a grid: their poses, relative to the array's, and their lenses, with
+  /// pictures of `width` pixels. No calibration of colours.
+  std::optional<schemas::RigDocument> given_rig = std::nullopt;
 
   // How the cameras differ from the design and from each other.
   /// scale of the standard deviations; 1: focal length 0.3 %, principal point 0.6 % of the width,
@@ -73,7 +80,9 @@ struct SimulationOptions {
 
   bool is_valid(std::string* reason) const;
 
-  int camera_count() const { return rows * columns; }
+  int camera_count() const {
+    return given_rig ? static_cast<int>(given_rig->cameras.size()) : rows * columns;
+  }
   int frames_per_camera() const { return static_cast<int>(seconds * fps + 1e-9); }
   int view_width() const { return truth_width > 0 ? truth_width : width; }
   int view_height() const { return truth_height > 0 ? truth_height : height; }

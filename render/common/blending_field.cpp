@@ -40,12 +40,14 @@ double angle_between(const Vector3d& a, const Vector3d& b) {
 
 /// Returns the camera's visibility of the point, 0 to 1.
 double point_visibility(const rig::Rig::Camera& camera, const RayPoint& point) {
-  const auto pixel = camera.model.project(camera.pose.world_from_camera_rotation.transpose() *
-                                          -point.towards(camera.pose.position));
+  const Vector3d direction =
+      camera.pose.world_from_camera_rotation.transpose() * -point.towards(camera.pose.position);
+  const auto pixel = camera.model.project(direction);
   if (!pixel) return 0;
   const double to_border = std::min({pixel->x(), camera.model.width() - pixel->x(), pixel->y(),
                                      camera.model.height() - pixel->y()});
-  return std::clamp(to_border / (kBorderPart * camera.model.width()), 0.0, 1.0);
+  return std::clamp(to_border / (kBorderPart * camera.model.width()), 0.0, 1.0) *
+         camera.model.facet_share(direction);
 }
 
 /// Returns the mean visibility over the ray's range of depths, because the depth of the point is
@@ -226,8 +228,26 @@ float absent_camera_weight(const std::optional<BlendingField>& complete,
   return std::min(absent, 1.0F);
 }
 
+namespace {
+
+/// As inverse_depth_range_in_view(), of objects between spheres about the array. A ray meets them
+/// at distances from its eye that differ from their radii by at most the eye's own.
+InverseDepthRange range_around(const VirtualCamera& view, const rig::Rig& rig,
+                               schemas::DepthRange scene) {
+  const double eye = (view.pose.position - rig.centre()).norm();
+  double longest = 1;  // metres along a ray per planar depth
+  for (const Vector3d& ray : ViewRays(view).bounding_rays())
+    longest = std::max(longest, ray.norm());
+  const double nearest = scene.near - eye;
+  const double limit = 4 / scene.near;
+  return {1 / (scene.far + eye), nearest > 0 ? std::min(longest / nearest, limit) : limit};
+}
+
+}  // namespace
+
 InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const rig::Rig& rig,
                                               schemas::DepthRange scene) {
+  if (rig.looks_around()) return range_around(view, rig, scene);
   const Vector3d axis = rig.mean_viewing_direction();
   const double eye = (view.pose.position - rig.centre()).dot(axis);  // metres in front of the array
   const double to_near = scene.near - eye, to_far = scene.far - eye;

@@ -115,8 +115,9 @@ float absent_camera_weight(const std::optional<BlendingField>& complete,
                            const LightFieldFrame& instant, int x, int y);
 
 /// Returns the inverse depths at which a view can show objects between `near` and `far` metres in
-/// front of the array (far may be infinite). Objects closer to the virtual camera than a quarter of
-/// `near` are ignored. The range is empty where the view shows none of that.
+/// front of the array (far may be infinite), or from its centre if it looks around. Objects closer
+/// to the virtual camera than a quarter of `near` are ignored. The range is empty where the view
+/// shows none of that.
 InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const rig::Rig& rig,
                                               schemas::DepthRange scene);
 

@@ -27,7 +27,9 @@ struct StoredDataCounts {
 /// The frames of all cameras at one tick: which cameras have a frame, and which are neighbours.
 struct LightFieldFrame {
   const store::Take* take = nullptr;  ///< the take of the frames
-  const rig::Rig* rig = nullptr;      ///< the rig of the take
+  const rig::Rig* rig = nullptr;      ///< the rig of the take, or its facets (FacetedFrame)
+  /// Per camera of the rig: that of the take, whose frames it shows; empty: the same.
+  std::vector<int> camera_of_take;
   store::FrameCache* cache = nullptr;
   /// Decodes frames without their matte; null: `cache` has none.
   store::FrameCache* opaque = nullptr;

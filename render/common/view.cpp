@@ -67,8 +67,24 @@ double pixel_angle(const VirtualCamera& camera) {
 }
 
 VirtualCamera undistorted(const rig::CameraModel& model, const rig::Pose& pose) {
+  if (const rig::Facet* facet = model.facet()) {
+    const double focal = facet->focal_length;
+    const double left = std::floor(facet->left * focal), top = std::floor(facet->top * focal);
+    const double right = std::ceil(facet->right * focal), bottom = std::ceil(facet->bottom * focal);
+    return {static_cast<int>(right - left),
+            static_cast<int>(bottom - top),
+            {focal, focal, -left, -top, {}},
+            pose};
+  }
   VirtualCamera pinhole{model.width(), model.height(), model.intrinsics(), pose};
   if (!model.has_distortion()) return pinhole;
+  if (const rig::FisheyeLens* lens = model.fisheye()) {
+    // As many pixels per radian as in the middle of the frame.
+    for (double* focal : {&pinhole.intrinsics.fx, &pinhole.intrinsics.fy}) *focal *= lens->slope(0);
+    pinhole.intrinsics.projection = schemas::Projection::kPinhole;
+    pinhole.intrinsics.radial_distortion = {};
+    pinhole.intrinsics.half_angle = std::nullopt;
+  }
   pinhole.intrinsics.distortion = {};
   const schemas::Intrinsics& k = pinhole.intrinsics;
   double left = 0, right = model.width(), top = 0, bottom = model.height();

@@ -53,7 +53,8 @@ VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_f
 
 /// Returns a camera without distortion at the pose of a real camera. Without lens distortion it
 /// equals the real camera. Otherwise it has the same focal length, and its image contains all that
-/// the frame shows, up to twice the frame's width and height.
+/// the frame shows, up to twice the frame's width and height. Of a fisheye it has the focal length
+/// of the middle of the frame; of a facet it shows all.
 VirtualCamera undistorted(const rig::CameraModel& model, const rig::Pose& pose);
 
 /// The clock of RenderStatistics.

@@ -114,6 +114,15 @@ std::vector<std::byte> numbers_of(const rig::Rig& rig) {
                                    static_cast<double>(camera.model.height()), k.fx, k.fy, k.cx,
                                    k.cy, k.distortion.k1, k.distortion.k2, k.distortion.p1,
                                    k.distortion.p2, k.distortion.k3});
+    if (camera.model.fisheye() != nullptr) {
+      numbers.push_back(static_cast<double>(k.projection));
+      numbers.insert(numbers.end(), k.radial_distortion.begin(), k.radial_distortion.end());
+      numbers.push_back(k.half_angle.value_or(0));
+    }
+    if (const rig::Facet* facet = camera.model.facet()) {
+      numbers.insert(numbers.end(),
+                     {facet->left, facet->right, facet->top, facet->bottom, facet->focal_length});
+    }
     const Eigen::Matrix3d turned = camera.pose.world_from_camera_rotation.transpose();
     numbers.insert(numbers.end(), turned.data(), turned.data() + turned.size());
     numbers.insert(numbers.end(), camera.pose.position.begin(), camera.pose.position.end());
@@ -204,9 +213,10 @@ DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimat
   key.instant = key.set;
   for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
     const int frame = instant.frame_of_camera[i];
+    const int camera =
+        instant.camera_of_take.empty() ? static_cast<int>(i) : instant.camera_of_take[i];
     const auto add = [&](int added) {
-      const auto jpeg =
-          added < 0 ? store::FrameBytes() : instant.take->archive(static_cast<int>(i)).jpeg(added);
+      const auto jpeg = added < 0 ? store::FrameBytes() : instant.take->archive(camera).jpeg(added);
       key.instant = XXH3_64bits_withSeed(jpeg.data(), jpeg.size(), key.instant);
     };
     const auto sources = instant.cache->sources_of(frame);

@@ -35,6 +35,7 @@ class DepthSurface {
       : depths_(std::move(depths)),
         centre_(rig.centre()),
         axis_(rig.mean_viewing_direction()),
+        looks_around_(rig.looks_around()),
         scene_(scene) {
     for (std::size_t i = 0; i < depths_->maps.size(); ++i) {
       if (depths_->maps[i].values.empty()) continue;
@@ -65,7 +66,23 @@ class DepthSurface {
     bool in_sight = true;  // the camera sees the ray from the scene's near end to the hit
   };
 
+  /// As within_scene(), between spheres about the array: from where the ray leaves the inner one to
+  /// where it leaves the outer one.
+  Stretch within_spheres(const WorldRay& ray) const {
+    const Vector3d from_centre = ray.origin - centre_;
+    const double along = from_centre.dot(ray.direction);
+    const double beside = (from_centre - along * ray.direction).squaredNorm();
+    const auto leaves_at = [&](double radius) {  // not a number: the ray misses the sphere
+      return std::sqrt(radius * radius - beside) - along;
+    };
+    const double to_near = leaves_at(scene_.near), to_far = leaves_at(scene_.far);
+    if (!(to_far > 0)) return {0, 1};
+    const double limit = 4 / scene_.near;
+    return {to_near > 0 ? std::min(limit, 1 / to_near) : limit, 1 / to_far};
+  }
+
   Stretch within_scene(const WorldRay& ray) const {
+    if (looks_around_) return within_spheres(ray);
     const double speed = ray.direction.dot(axis_);
     const double start = (ray.origin - centre_).dot(axis_);
     const double to_near = scene_.near - start, to_far = scene_.far - start;
@@ -93,8 +110,9 @@ class DepthSurface {
       by_distance.emplace_back((beside - beside.dot(ray.direction) * ray.direction).squaredNorm(),
                                i);
     }
-    // More candidates than needed, as some may not see the ray.
-    const std::size_t candidates = std::min(by_distance.size(), 4 * kAsked);
+    // More candidates than needed, as some may not see the ray: many of an array that looks around.
+    const std::size_t candidates =
+        looks_around_ ? by_distance.size() : std::min(by_distance.size(), 4 * kAsked);
     std::partial_sort(by_distance.begin(),
                       by_distance.begin() + static_cast<std::ptrdiff_t>(candidates),
                       by_distance.end());
@@ -191,6 +209,7 @@ class DepthSurface {
 
   std::shared_ptr<const CameraDepths> depths_;
   Vector3d centre_, axis_;
+  bool looks_around_;
   schemas::DepthRange scene_;
   std::vector<Camera> cameras_;
 };

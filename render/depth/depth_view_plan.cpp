@@ -13,6 +13,7 @@
 #include <map>
 
 #include "base/parallel.h"
+#include "render/common/faceted_frame.h"
 #include "render/common/memory_overrun_note.h"
 #include "render/common/scene_depth_range.h"
 #include "render/depth/depth.h"
@@ -398,19 +399,25 @@ class DepthMethod final : public Method {
     static constexpr MethodPreset kPresets[]{{"fast", "cameras=6,soft_edges=false"}};
     return kPresets;
   }
-  RenderedView render(const ViewRequest& request) const override { return depth::render(request); }
+  RenderedView render(const ViewRequest& request) const override {
+    const FacetedFrame facets(request.instant);
+    return depth::render(request_for(facets.frame(), request));
+  }
   RenderedView render_reference(const ViewRequest& request) const override {
-    return depth::render_reference(request);
+    const FacetedFrame facets(request.instant);
+    return depth::render_reference(request_for(facets.frame(), request));
   }
   /// Returns kNone for time-averaged depths, because they depend on other light field frames.
   DistributionMode distribution(const MethodOptions& options) const override {
     return options.flag("temporal") ? DistributionMode::kNone : DistributionMode::kLockstep;
   }
   Contribution contribute(const ViewRequest& request) const override {
-    return depth::contribute(request);
+    const FacetedFrame facets(request.instant);
+    return depth::contribute(request_for(facets.frame(), request));
   }
   RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
-    return depth::combine(request, planes);
+    const FacetedFrame facets(request.instant);
+    return depth::combine(request_for(facets.frame(), request), planes);
   }
   void check(const MethodOptions& options, const store::Take& take) const override {
     depth::settings_of(options, take, false);
@@ -418,14 +425,18 @@ class DepthMethod final : public Method {
 
   bool stores_data() const override { return true; }
   std::filesystem::path stored_file(const MethodOptions& options,
-                                    const LightFieldFrame& instant) const override {
+                                    const LightFieldFrame& whole) const override {
+    const FacetedFrame facets(whole);
+    const LightFieldFrame& instant = facets.frame();
     depth::DepthViewOptions settings = depth::settings_of(options, *instant.take, true);
     if (!settings.stores_depths) return {};
     settings.estimation.regions = depth::regions_of(settings, instant);
     return depth_file_path(instant.derived_folder(), depth_store_key(instant, settings.estimation));
   }
-  StoreResult store(const MethodOptions& options, const LightFieldFrame& instant,
+  StoreResult store(const MethodOptions& options, const LightFieldFrame& whole,
                     std::size_t working_bytes) const override {
+    const FacetedFrame facets(whole);
+    const LightFieldFrame& instant = facets.frame();
     depth::DepthViewOptions settings = depth::settings_of(options, *instant.take, true);
     settings.estimation.regions = depth::regions_of(settings, instant);
     return store_camera_depths(instant, settings.estimation, working_bytes);
@@ -435,8 +446,11 @@ class DepthMethod final : public Method {
     const depth::DepthViewOptions settings =
         depth::settings_of(r.options, *r.instant.take, r.use_take_folder);
     DepthEstimationStatistics work;
-    const auto found = depth::depths_by(settings, r.instant, r.result_cache, r.working_bytes, work);
-    return depth_surface({found, &found->depths}, *r.instant.rig, settings.estimation.scene);
+    const auto facets = std::make_shared<const FacetedFrame>(r.instant);
+    const LightFieldFrame& instant = facets->frame();
+    const auto found = depth::depths_by(settings, instant, r.result_cache, r.working_bytes, work);
+    return kept_with(
+        facets, depth_surface({found, &found->depths}, *instant.rig, settings.estimation.scene));
   }
   bool uses_focal_plane() const override { return false; }
   bool tells_surfaces_apart() const override { return true; }

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "render/common/faceted_frame.h"
 #include "render/common/plane_surface.h"
 #include "render/depth/depth.h"
 #include "render/depth/depth_store.h"
@@ -64,10 +65,12 @@ RaySurface proxy_surface(const SurfaceRequest& r, DepthEstimationStatistics& wor
   if (proxy == "plane") return on_plane;
   if (proxy == "depth") {
     const schemas::DepthRange scene = scene_of(take);
-    return depth_surface(
-        depth::depths_with_default_options(r.instant, r.result_cache, r.working_bytes,
-                                           r.use_take_folder, scene, work),
-        *r.instant.rig, scene);
+    const auto facets = std::make_shared<const FacetedFrame>(r.instant);
+    const LightFieldFrame& instant = facets->frame();
+    return kept_with(facets, depth_surface(depth::depths_with_default_options(
+                                               instant, r.result_cache, r.working_bytes,
+                                               r.use_take_folder, scene, work),
+                                           *instant.rig, scene));
   }
   const std::filesystem::path file = mesh_file(r.options, take);
   const auto mesh =
@@ -171,12 +174,14 @@ class LumigraphMethod final : public Method {
   std::filesystem::path stored_file(const MethodOptions& options,
                                     const LightFieldFrame& instant) const override {
     if (options.text("proxy") != "depth") return {};
-    return depth_file_path(instant.derived_folder(),
-                           depth_store_key(instant, default_depth_options(*instant.take)));
+    return depth_file_path(
+        instant.derived_folder(),
+        depth_store_key(FacetedFrame(instant).frame(), default_depth_options(*instant.take)));
   }
   StoreResult store(const MethodOptions& /*options*/, const LightFieldFrame& instant,
                     std::size_t working_bytes) const override {
-    return store_camera_depths(instant, default_depth_options(*instant.take), working_bytes);
+    return store_camera_depths(FacetedFrame(instant).frame(), default_depth_options(*instant.take),
+                               working_bytes);
   }
 
   RaySurface surface(const SurfaceRequest& r) const override {

@@ -21,6 +21,9 @@ DepthSource depth_source(const VirtualCamera& view, const rig::Rig::Camera& came
   Eigen::Matrix3d ideal_from_world = camera.pose.world_from_camera_rotation.transpose();
   ideal_from_world.row(1) *= -1;  // camera y up, image y down
   ideal_from_world.row(2) *= -1;  // the camera looks down -z
+  if (const rig::Facet* facet = camera.model.facet()) {
+    ideal_from_world = facet->lens_from_facet * ideal_from_world;
+  }
   Eigen::Matrix3d from_pixel = ideal_from_world * world_ray_from_pixel(view);
   const Eigen::Vector3d to_eye = ideal_from_world * (view.pose.position - camera.pose.position);
   from_pixel.col(2) += reference * to_eye;

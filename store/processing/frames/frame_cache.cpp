@@ -383,10 +383,18 @@ FrameCache FrameCache::white(const Take& take, BlendSpace space) {
   return FrameCache(std::move(state));
 }
 
+FrameCache FrameCache::renumbered(std::vector<int> cameras) const {
+  FrameCache result(state_);
+  for (int& camera : cameras) camera = camera_of_take(camera);
+  result.cameras_ = std::move(cameras);
+  return result;
+}
+
 FrameCache::FrameCache(FrameCache&&) noexcept = default;
 FrameCache::~FrameCache() = default;
 
 std::shared_ptr<const JpegLayout> FrameCache::layout(int camera, int frame) {
+  camera = camera_of_take(camera);
   if (state_->is_white) return std::make_shared<const JpegLayout>(state_->whole_layout(camera));
   const Key key{camera, frame};
   const auto entry = state_->entry(key);
@@ -400,6 +408,7 @@ FrameCache::FetchGroup FrameCache::new_fetch_group() { return ++state_->last_fet
 std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, const McuMask& wanted,
                                                       std::int64_t& pixels_decoded,
                                                       FetchGroup look) {
+  camera = camera_of_take(camera);
   if (state_->is_white) return state_->white_frame(camera);
   const Key key{camera, frame};
   const auto entry = state_->entry(key);
@@ -415,8 +424,9 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   if (InterpolatedFrames::is_interpolated(frame)) {
     // Holding the lock of this frame, locks those of its sources, which never lock others.
     const InterpolatedFrames::Sources sources = state_->interpolated->sources_of(frame);
-    const auto a = fetch(camera, sources.first, {}, pixels_decoded),
-               b = fetch(camera, sources.second, {}, pixels_decoded);
+    FrameCache of_take(state_);
+    const auto a = of_take.fetch(camera, sources.first, {}, pixels_decoded),
+               b = of_take.fetch(camera, sources.second, {}, pixels_decoded);
     auto between = state_->share(
         state_->interpolate(state_->layout_of(key, *entry), *a, *b, sources.part), state_);
     state_->keep(key, entry, between);
@@ -450,6 +460,7 @@ void FrameCache::read_ahead(int camera, int frame) {
     read_ahead(camera, sources->second);
     return;
   }
+  camera = camera_of_take(camera);
   {
     const std::scoped_lock lock(state_->mutex);
     const auto found = state_->entries.find({camera, frame});
@@ -467,7 +478,7 @@ void FrameCache::read_ahead(int camera, int frame) {
 bool FrameCache::is_fully_decoded(int camera, int frame) {
   if (state_->is_white) return true;
   const std::scoped_lock lock(state_->mutex);
-  const auto found = state_->entries.find({camera, frame});
+  const auto found = state_->entries.find({camera_of_take(camera), frame});
   return found != state_->entries.end() && found->second->frame &&
          found->second->frame->decoded.empty();
 }

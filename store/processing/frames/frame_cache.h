@@ -59,6 +59,9 @@ class FrameCache {
   /// Returns a cache of white frames in the cameras' sizes, whose samples are the blending weights
   /// alone. Reads no archive.
   static FrameCache white(const Take& take, BlendSpace space);
+  /// Returns this cache with other numbers of cameras: `camera` i is camera `cameras[i]` of the
+  /// take. Both share their frames and memory.
+  FrameCache renumbered(std::vector<int> cameras) const;
   FrameCache(FrameCache&&) noexcept;
   ~FrameCache();
 
@@ -103,7 +106,10 @@ class FrameCache {
  private:
   struct State;
   explicit FrameCache(std::shared_ptr<State> state) : state_(std::move(state)) {}
+  int camera_of_take(int camera) const { return cameras_.empty() ? camera : cameras_[camera]; }
+
   std::shared_ptr<State> state_;
+  std::vector<int> cameras_;  ///< of renumbered(); empty: those of the take
 };
 
 }  // namespace raystage::store

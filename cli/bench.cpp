@@ -103,6 +103,9 @@ schemas::ViewsDocument views_in(const std::vector<std::string>& files) {
       }
       const auto folder = std::filesystem::path(file).parent_path();
       view.file = std::filesystem::absolute(folder / view.file).string();
+      if (!view.depth_file.empty()) {
+        view.depth_file = std::filesystem::absolute(folder / view.depth_file).string();
+      }
       all.views.push_back(std::move(view));
     }
   }

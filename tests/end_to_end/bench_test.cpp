@@ -72,6 +72,19 @@ TEST_F(Bench, TakesSettingsFromADocument) {
   EXPECT_TRUE(document()["rows"][0]["psnr_db"].is_null());
 }
 
+TEST_F(Bench, FindsTrueDepthsInTheFolderOfTheViews) {
+  const std::string take = (folder_.path() / "still").string();
+  const CommandResult made =
+      run("raystage simulate still -q --rows 3 --columns 3 --width 160 --height 120 --seconds 0.6 "
+          "--truth-width 156 --truth-height 104 --truth-views 1 -o '" +
+          take + "' && raystage sync -q '" + take + "'");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const CommandResult result =
+      run("raystage bench '" + take + "' '" + take +
+          "/views.json' --setting nearest --repeat 1 -o '" + out_.string() + "'");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+}
+
 TEST_F(Bench, MeasuresEveryMethodUnlessTold) {
   const CommandResult result = run(command("--focal-depth 4 --repeat 1 --quiet"));
   ASSERT_EQ(result.exit_code, 0) << result.err;

@@ -3,17 +3,12 @@
 
 #include <png.h>
 
-#include <cstddef>
-#include <span>
-#include <string>
-#include <vector>
-
 #include "base/atomic_file.h"
 #include "base/error.h"
 
 namespace raystage::images {
 
-void write_png(const store::RgbImage& image, const std::filesystem::path& file) {
+std::vector<std::byte> encode_png(const store::RgbImage& image, const std::string& name) {
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   png.width = static_cast<png_uint_32>(image.width);
@@ -23,14 +18,18 @@ void write_png(const store::RgbImage& image, const std::filesystem::path& file) 
     if (is_encoded != 0) return;
     const std::string reason = png.message;
     png_image_free(&png);
-    throw Error::failed("the image cannot be encoded: " + reason, file.string(),
+    throw Error::failed("the image cannot be encoded: " + reason, name,
                         "Check that PNG allows the image size");
   };
-  // In memory first, so that a full disk leaves no part of a file.
   png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(png);
   std::vector<std::byte> encoded(size);
   check(png_image_write_to_memory(&png, encoded.data(), &size, 0, image.values.data(), 0, nullptr));
-  write_file_atomically(file, std::span(encoded).first(size));
+  encoded.resize(size);
+  return encoded;
+}
+
+void write_png(const store::RgbImage& image, const std::filesystem::path& file) {
+  write_file_atomically(file, encode_png(image, file.string()));
 }
 
 }  // namespace raystage::images

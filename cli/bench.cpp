@@ -72,6 +72,12 @@ void declare(CommandLine& command, Options& options) {
           "Number of views on the page, evenly spaced; their images are at most 12 MiB in total")
       .show_default()
       .range(0, 1000);
+  command
+      .option("--crops", plan.crops,
+              "Number of places on the page where the settings are compared enlarged: where they "
+              "differ or err most")
+      .show_default()
+      .range(0, 48);
   add_blend_option(command, plan.common);
   add_memory_option(command, options.memory_gb);
   add_follow_links_option(command);
@@ -137,6 +143,7 @@ ExitCode bench(const Options& options, std::stop_token stop) {
   const store::Take take(options.take);
   const schemas::ViewsDocument views = views_in(options.views);
   const std::filesystem::path output = options.output;
+  if (output.empty()) plan.crops = plan.pictures = 0;  // no page shows them
   if (!output.empty()) create_folder(output);
 
   Progress progress(!options.quiet);

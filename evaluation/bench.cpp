@@ -94,28 +94,18 @@ std::optional<SpacingPrediction> prediction_of(const store::Take& take,
   return predicted;
 }
 
+bool has_same_cameras_and_threads(const BenchRow& a, const BenchRow& b) {
+  return a.camera_step == b.camera_step && a.threads == b.threads;
+}
+
 void mark_fronts(std::vector<BenchRow>& rows) {
-  // Compare errors only with similar coverage: omitting difficult pixels is no improvement.
-  const auto covered = [](const BenchRow& row) {
-    return row.failure.empty() ? row.evaluation.mean.quality.covered : 0.0;
-  };
-  const auto alike = [](const BenchRow& a, const BenchRow& b) {
-    return a.camera_step == b.camera_step && a.threads == b.threads;
-  };
-  constexpr double kMaxLessCoverage = 0.15;
-  const auto shows_enough = [&](const BenchRow& row) {
-    double most_covered = 0;
-    for (const BenchRow& other : rows) {
-      if (alike(row, other)) most_covered = std::max(most_covered, covered(other));
-    }
-    return covered(row) >= most_covered - kMaxLessCoverage;
-  };
   const auto mark = [&](auto quality_of, bool BenchRow::*flag) {
     for (BenchRow& row : rows) {
       // Rows of other cameras or threads, and failed ones, cannot dominate these.
       std::vector<ParetoPoint> points;
       for (const BenchRow& other : rows) {
-        const bool comparable = other.failure.empty() && alike(other, row) && shows_enough(other);
+        const bool comparable =
+            has_same_cameras_and_threads(other, row) && has_comparable_coverage(other, rows);
         points.push_back(
             {comparable ? other.seconds_per_frame() : std::numeric_limits<double>::quiet_NaN(),
              quality_of(other)});
@@ -164,6 +154,17 @@ BenchSetting parse_bench_setting(std::string_view text) {
           {}};
 }
 
+bool has_comparable_coverage(const BenchRow& row, std::span<const BenchRow> rows) {
+  if (!row.failure.empty()) return false;
+  double most_covered = 0;
+  for (const BenchRow& other : rows) {
+    if (!other.failure.empty() || !has_same_cameras_and_threads(row, other)) continue;
+    most_covered = std::max(most_covered, other.evaluation.mean.quality.covered);
+  }
+  constexpr double kMaxLessCoverage = 0.15;
+  return row.evaluation.mean.quality.covered >= most_covered - kMaxLessCoverage;
+}
+
 BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder, const BenchPlan& plan,
                           const std::function<void(const BenchResult&)>& on_row,
@@ -173,6 +174,8 @@ BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument&
   trade.take = take.document().name;
   trade.cpu = processor_name();
   trade.repeat = plan.common.repeat;
+  trade.crops = BenchCrops(plan.camera_steps.size() * plan.settings.size(),
+                           static_cast<std::size_t>(std::max(plan.crops, 0)));
   std::exception_ptr first_failure;
   const std::size_t all = plan.threads.size() * plan.camera_steps.size() * plan.settings.size();
   bool measured = false;
@@ -188,6 +191,7 @@ BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument&
     if (row.threads == plan.threads.front()) {
       settings.on_view = [&](const EvaluatedView& picture) {
         trade.pictures.add(trade.rows.size(), picture, plan.pictures);
+        trade.crops.add(trade.rows.size(), picture);
       };
     }
     malloc_trim(0);  // do not count the memory of the row before
@@ -214,6 +218,7 @@ BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument&
           row.evaluation = {};
           row.failure = why;
           trade.pictures.remove(trade.rows.size());
+          trade.crops.remove(trade.rows.size());
           if (!first_failure) first_failure = std::current_exception();
         };
         try {

@@ -5,11 +5,13 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "evaluation/bench_crops.h"
 #include "evaluation/bench_images.h"
 #include "evaluation/evaluation.h"
 #include "schemas/bench_document.h"
@@ -30,6 +32,7 @@ struct BenchPlan {
   std::vector<int> camera_steps{1};  ///< see EvaluationOptions::camera_step
   std::vector<int> threads{1};
   int pictures = 1;  ///< views whose pictures are stored, spread evenly
+  int crops = 12;    ///< places in the views in which the rows are compared
   /// Shared by all: focal_depth (if a setting has none), excluded_camera_ids, view_step, repeat,
   /// blend_space, memory_bytes, count_needed_pixels.
   EvaluationOptions common;
@@ -67,7 +70,13 @@ struct BenchResult {
   int repeat = 0;
   std::vector<BenchRow> rows;
   BenchImages pictures;
+  BenchCrops crops;
 };
+
+/// Returns whether the row is measured, and its coverage at most 0.15 below the largest of the rows
+/// with its cameras and threads. Only the errors of such rows are compared: omitting difficult
+/// pixels is no improvement.
+bool has_comparable_coverage(const BenchRow& row, std::span<const BenchRow> rows);
 
 /// Measures the plan row by row and calls `on_row` with the result so far. If stopped, returns the
 /// finished rows. A setting that cannot be rendered becomes a row with a failure. Throws Error (bad

@@ -18,18 +18,13 @@ std::vector<std::byte> small_jpeg(const store::RgbImage& image) {
   return store::encode_jpeg(scaled_to_width(image, BenchImages::kMaxWidth), kJpeg);
 }
 
-bool is_chosen(std::size_t index, std::size_t count, int wanted) {
-  const std::size_t number = std::min(count, static_cast<std::size_t>(std::max(wanted, 0)));
-  for (std::size_t k = 0; k < number; ++k) {
-    if (index == (2 * k + 1) * count / (2 * number)) return true;
-  }
-  return false;
-}
-
 }  // namespace
 
 void BenchImages::add(std::size_t row, const EvaluatedView& picture, int wanted) {
-  if (!is_chosen(picture.index, picture.count, wanted)) return;
+  if (!is_evenly_chosen(picture.index, picture.count,
+                        static_cast<std::size_t>(std::max(wanted, 0)))) {
+    return;
+  }
   Picture taken{
       row, 0, small_jpeg(picture.image),
       small_jpeg(difference_image(picture.image, picture.truth, picture.covered, kDifferenceGain))};
@@ -53,6 +48,14 @@ void BenchImages::remove(std::size_t row) {
     bytes_ -= picture.image.size() + picture.difference.size();
     return true;
   });
+}
+
+bool is_evenly_chosen(std::size_t index, std::size_t count, std::size_t wanted) {
+  const std::size_t number = std::min(count, wanted);
+  for (std::size_t k = 0; k < number; ++k) {
+    if (index == (2 * k + 1) * count / (2 * number)) return true;
+  }
+  return false;
 }
 
 store::RgbImage scaled_to_width(const store::RgbImage& image, int max_width) {

@@ -46,6 +46,10 @@ class BenchImages {
   int omitted_ = 0;
 };
 
+/// Returns whether the index is one of `wanted` spread evenly over `count`, each in the middle of
+/// its share.
+bool is_evenly_chosen(std::size_t index, std::size_t count, std::size_t wanted);
+
 /// Returns the image scaled down to `max_width` by area averaging with its aspect ratio kept;
 /// unchanged if it is no wider.
 store::RgbImage scaled_to_width(const store::RgbImage& image, int max_width);

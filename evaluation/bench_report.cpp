@@ -7,6 +7,7 @@
 
 #include "evaluation/bench.h"
 #include "evaluation/number_format.h"
+#include "evaluation/region_columns.h"
 #include "evaluation/report_json.h"
 #include "render/common/method_options.h"
 #include "schemas/former_names.h"
@@ -43,6 +44,9 @@ ordered_json fields_of(const BenchRow& row) {
   measured("psnr_max_step_db", e.temporal_stability.max_step_db);
   measured("ssim", e.mean.quality.ssim);
   measured("coverage", e.mean.quality.covered);
+  for (const RegionColumn& column : kRegionColumns) {
+    measured(column.name, e.mean.regions ? column.of(*e.mean.regions) : nothing);
+  }
   measured("seconds_per_frame", row.seconds_per_frame());
   measured("decode_ms", e.mean.decode_ms);
   measured("render_ms", e.mean.render_ms);

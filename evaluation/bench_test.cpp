@@ -136,7 +136,8 @@ TEST_F(MeasuredTake, ThePageStandsAlone) {
   EXPECT_THAT(page, Not(HasSubstr("@import")));
   EXPECT_THAT(page, Not(HasSubstr("url(")));
   EXPECT_THAT(page, Not(HasSubstr("<near>")));
-  for (const std::regex& loads : {std::regex(R"(\ssrc\s*=\s*")"), std::regex(R"(\shref\s*=)")}) {
+  for (const std::regex& loads :
+       {std::regex(R"(\ssrc\s*=\s*"(?!data:image/png;base64,))"), std::regex(R"(\shref\s*=)")}) {
     EXPECT_FALSE(std::regex_search(page, loads));
   }
   for (const char* number : {"nan", "inf<", "NaN"}) {
@@ -225,6 +226,23 @@ TEST_F(MeasuredTake, ARowThatShowsNothingHasDashesForNumbers) {
   }
   EXPECT_THAT(bench_as_table(trade), HasSubstr(" - |"));
   EXPECT_THAT(reports::bench_as_page(trade), HasSubstr("- dB"));
+}
+
+TEST_F(MeasuredTake, ThePageMarksTheBestOfComparableRows) {
+  BenchResult trade = measure();
+  trade.rows.push_back(trade.rows[0]);
+  trade.rows[2].setting.label = "third";
+  const double psnr_db[] = {31, 32, 33}, covered[] = {1, 0.9, 0.5};
+  for (std::size_t i = 0; i < 3; ++i) {
+    trade.rows[i].evaluation.mean.quality = {psnr_db[i], 0.5, covered[i]};
+  }
+  EXPECT_TRUE(has_comparable_coverage(trade.rows[1], trade.rows));
+  EXPECT_FALSE(has_comparable_coverage(trade.rows[2], trade.rows));
+  const std::string page = reports::bench_as_page(trade);
+  EXPECT_THAT(page, HasSubstr("<td class=\"best\">32.00</td>"));
+  EXPECT_THAT(page, HasSubstr("<td>33.00</td>")) << "it omits half of the pixels";
+  EXPECT_THAT(page, HasSubstr("<td class=\"best\">100.0</td>"));
+  EXPECT_THAT(page, Not(HasSubstr("<td class=\"best\">0.5000</td>"))) << "all are equal";
 }
 
 TEST_F(MeasuredTake, FrontsAreOfRowsWithTheSameCameras) {

@@ -387,8 +387,8 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
                     known ? std::span<const std::uint8_t>(known->regions.edge_band)
                           : std::span<const std::uint8_t>());
     if (settings.on_view) {
-      settings.on_view(
-          {evaluation.views.size(), subjects.size(), subject.id, image, truth->image, covered});
+      settings.on_view({evaluation.views.size(), subjects.size(), subject.id, image, truth->image,
+                        covered, known ? &known->regions : nullptr});
     }
     for (const std::string& note : view.notes) {
       if (std::ranges::count(evaluation.notes, note) == 0) evaluation.notes.push_back(note);

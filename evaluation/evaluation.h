@@ -28,6 +28,7 @@ struct EvaluatedView {
   const store::RgbImage& image;
   const store::RgbImage& truth;
   std::span<const std::uint8_t> covered;  ///< 1 per pixel that counts
+  const TruthRegions* regions = nullptr;  ///< null if the true depths are unknown
 };
 
 struct EvaluationOptions {

@@ -13,6 +13,8 @@
 #include "render/common/method_options.h"
 #include "reports/bench_charts.h"
 #include "reports/bench_viewer.h"
+#include "reports/crop_section.h"
+#include "reports/quality_table.h"
 
 namespace raystage::reports {
 namespace {
@@ -43,10 +45,25 @@ tr.front td:first-child { font-weight:600 }
 .bar { display:flex; flex-wrap:wrap; gap:8px; margin:0 0 12px; align-items:center }
 button, select { font:inherit; font-size:14px; color:var(--text); background:var(--ink);
   border:1px solid var(--rule); border-radius:4px; padding:4px 12px; max-width:100% }
-button[aria-pressed=true] { border-color:var(--amber); color:var(--amber) }
+.bar:not(.names) button[aria-pressed=true] { border-color:var(--amber); color:var(--amber) }
 button:focus-visible, select:focus-visible { outline:2px solid var(--amber); outline-offset:1px }
 figure { margin:0 0 12px } figure img { display:block; width:100%; max-width:960px }
 figcaption { color:var(--soft); font-size:14px; padding-top:6px }
+.best { font-weight:700; color:var(--amber) }
+.quality td:first-child { white-space:nowrap } .quality tr :nth-child(2) { text-align:right }
+.names { position:sticky; top:0; z-index:1; background:var(--panel); padding:8px 0 }
+.names[hidden] { display:none }
+.names button[aria-pressed=true] { border-color:currentColor; box-shadow:inset 0 0 0 1px }
+.names button.shown { background:var(--rule) }
+.place h3 { font-size:14px; font-weight:600; margin:0 0 6px }
+.place h3 span { color:var(--soft); font-weight:400; display:block }
+.strip { display:flex; flex-wrap:wrap; gap:8px; margin:0 0 18px }
+.strip figure { margin:0; width:192px } .strip figcaption { font-size:13px; padding-top:4px }
+.strip img { width:100%; height:auto; image-rendering:pixelated }
+.flips .places { display:grid; grid-template-columns:repeat(auto-fill, minmax(288px, 1fr)); gap:8px 24px }
+.flips .strip { display:block; width:288px; max-width:100%; cursor:pointer }
+.flips .strip figure { width:auto }
+.strip:focus-visible { outline:2px solid var(--amber); outline-offset:3px }
 kbd { border:1px solid var(--rule); border-radius:3px; padding:0 5px; font:inherit }
 )";
 
@@ -154,7 +171,8 @@ std::string bench_as_page(const evaluation::BenchResult& trade) {
   body += charts::html_section("Structural similarity against time",
                                "The same settings measured by SSIM (structural similarity).",
                                bench_chart(trade, QualityMeasure::kSsim, colours));
-  body += spacing_section(trade, colours) + threads_section(trade) + images_section(trade) +
+  body += spacing_section(trade, colours) + threads_section(trade) +
+          quality_section(trade, colours) + crop_section(trade, colours) + images_section(trade) +
           table_of(trade, colours);
   return charts::html_page(
       trade.take + ": speed against accuracy",

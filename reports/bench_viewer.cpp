@@ -10,6 +10,7 @@
 #include "base/base64.h"
 #include "charts/html_page.h"
 #include "evaluation/number_format.h"
+#include "reports/row_name.h"
 
 namespace raystage::reports {
 namespace {
@@ -59,18 +60,6 @@ document.onkeydown = e => {
 show();
 )";
 
-std::string name_of(const evaluation::BenchRow& row, const evaluation::BenchResult& trade) {
-  const bool many_steps = std::ranges::any_of(trade.rows, [&](const evaluation::BenchRow& other) {
-    return other.camera_step != row.camera_step;
-  });
-  const bool many_threads = std::ranges::any_of(
-      trade.rows, [&](const evaluation::BenchRow& other) { return other.threads != row.threads; });
-  return row.setting.label +
-         (many_steps ? fmt::format(", {} cameras", row.evaluation.cameras) : "") +
-         (many_threads ? fmt::format(", {} thread{}", row.threads, row.threads == 1 ? "" : "s")
-                       : "");
-}
-
 std::string numbers_of(const evaluation::ViewEvaluation& view) {
   return fmt::format("{} dB, SSIM {}, {:.3g} s",
                      evaluation::format_number_or_dash(view.quality.psnr_db, 2),
@@ -107,9 +96,9 @@ std::string images_section(const evaluation::BenchResult& trade) {
     if (pictures.empty()) continue;
     settings += fmt::format("<option value=\"{}\">{}</option>",
                             data.contains("rows") ? data["rows"].size() : 0,
-                            charts::escape_html(name_of(row, trade)));
+                            charts::escape_html(row_name(row, trade)));
     data["rows"].push_back({{"row", r},
-                            {"label", name_of(row, trade)},
+                            {"label", row_name(row, trade)},
                             {"numbers", numbers_of(row.evaluation.mean)},
                             {"pictures", pictures}});
   }

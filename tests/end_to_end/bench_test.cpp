@@ -83,6 +83,8 @@ TEST_F(Bench, FindsTrueDepthsInTheFolderOfTheViews) {
       run("raystage bench '" + take + "' '" + take +
           "/views.json' --setting nearest --repeat 1 -o '" + out_.string() + "'");
   ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_GT(document()["rows"][0]["edge_psnr_db"].get<double>(), 10);
+  EXPECT_GT(document()["rows"][0]["bad_depths_1_px"].get<double>(), 0);
 }
 
 TEST_F(Bench, MeasuresEveryMethodUnlessTold) {
@@ -119,7 +121,8 @@ TEST_F(Bench, BadUsageIsNamed) {
   for (const char* options :
        {"--setting no_method", "--setting a:nearest --setting a:focal_plane", "--setting a::x=1",
         "--setting nearest:nearest:option=1", "--focal-depth -1", "--camera-step 0", "--threads -1",
-        "--repeat 0", "--settings none.json", "--exclude-cameras nobody", "--images -1"}) {
+        "--repeat 0", "--settings none.json", "--exclude-cameras nobody", "--images -1",
+        "--crops 49"}) {
     SCOPED_TRACE(options);
     const CommandResult result = run(command(options));
     EXPECT_EQ(result.exit_code, 2) << result.err;

@@ -56,6 +56,7 @@ void declare(CommandLine& command, Options& options) {
               "group grant)")
       .one_argument(',')
       .range(0, 1024);
+  add_exact_times_option(command, plan.common);
   add_view_step_option(command, plan.common);
   plan.common.repeat = 3;
   command

@@ -90,10 +90,7 @@ int main(int argc, char** argv) {
                  {{"none", schemas::HoleFill::kNone}, {"push-pull", schemas::HoleFill::kPushPull}},
                  "Rays that no camera recorded: none (excluded from the measures) or push-pull "
                  "(filled from their surroundings, and measured) (default: none)");
-  command.flag(
-      "--exact-times", options.settings.exact_times,
-      "Interpolate the pictures of the cameras along motion at the time of each view (default: the "
-      "nearest tick of the timeline)");
+  add_exact_times_option(command, options.settings);
   command.option("--camera-step", options.settings.camera_step, "Use every n-th row and column")
       .show_default()
       .positive();

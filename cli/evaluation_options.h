@@ -35,6 +35,14 @@ inline void add_blend_option(CommandLine& command, evaluation::EvaluationOptions
       "linear (default: perceptual)");
 }
 
+/// Adds --exact-times.
+inline void add_exact_times_option(CommandLine& command, evaluation::EvaluationOptions& options) {
+  command.flag(
+      "--exact-times", options.exact_times,
+      "Interpolate the pictures of the cameras along motion at the time of each view (default: the "
+      "nearest tick of the timeline)");
+}
+
 /// Adds --view-step.
 inline void add_view_step_option(CommandLine& command, evaluation::EvaluationOptions& options) {
   command.option("--view-step", options.view_step, "Render every n-th view only")

@@ -174,6 +174,7 @@ BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument&
   trade.take = take.document().name;
   trade.cpu = processor_name();
   trade.repeat = plan.common.repeat;
+  trade.exact_times = plan.common.exact_times;
   trade.crops = BenchCrops(plan.camera_steps.size() * plan.settings.size(),
                            static_cast<std::size_t>(std::max(plan.crops, 0)));
   std::exception_ptr first_failure;

@@ -33,8 +33,8 @@ struct BenchPlan {
   std::vector<int> threads{1};
   int pictures = 1;  ///< views whose pictures are stored, spread evenly
   int crops = 12;    ///< places in the views in which the rows are compared
-  /// Shared by all: focal_depth (if a setting has none), excluded_camera_ids, view_step, repeat,
-  /// blend_space, memory_bytes, count_needed_pixels.
+  /// Shared by all: focal_depth (if a setting has none), excluded_camera_ids, exact_times,
+  /// view_step, repeat, blend_space, memory_bytes, count_needed_pixels.
   EvaluationOptions common;
 };
 
@@ -68,6 +68,7 @@ struct BenchResult {
   std::vector<std::string> views;  ///< ids
   bool complete = false;           ///< all rows of the plan are measured
   int repeat = 0;
+  bool exact_times = false;  ///< as EvaluationOptions
   std::vector<BenchRow> rows;
   BenchImages pictures;
   BenchCrops crops;

@@ -103,7 +103,8 @@ std::string bench_as_csv(const BenchResult& trade) {
 std::string bench_as_json(const BenchResult& trade) {
   ordered_json document{
       {"schema", "raystage/trade/1"}, {"take", trade.take},     {"cpu", trade.cpu},
-      {"complete", trade.complete},   {"repeat", trade.repeat}, {"views", trade.views}};
+      {"complete", trade.complete},   {"repeat", trade.repeat}, {"exact_times", trade.exact_times},
+      {"views", trade.views}};
   auto& rows = document["rows"] = ordered_json::array();
   for (const BenchRow& row : trade.rows) {
     ordered_json fields = fields_of(row);

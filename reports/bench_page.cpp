@@ -176,7 +176,8 @@ std::string bench_as_page(const evaluation::BenchResult& trade) {
           table_of(trade, colours);
   return charts::html_page(
       trade.take + ": speed against accuracy",
-      fmt::format("{} views with known truth, {} rows measured{}; {}", trade.views.size(),
+      fmt::format("{} views with known truth{}, {} rows measured{}; {}", trade.views.size(),
+                  trade.exact_times ? ", at their exact times" : "",
                   std::ranges::count(trade.rows, std::string(), &evaluation::BenchRow::failure),
                   trade.complete ? "" : " before it was stopped", trade.cpu),
       body, kStyle);

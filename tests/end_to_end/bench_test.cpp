@@ -72,7 +72,7 @@ TEST_F(Bench, TakesSettingsFromADocument) {
   EXPECT_TRUE(document()["rows"][0]["psnr_db"].is_null());
 }
 
-TEST_F(Bench, FindsTrueDepthsInTheFolderOfTheViews) {
+TEST_F(Bench, MeasuresRegionsOfTrueDepthsAtExactTimes) {
   const std::string take = (folder_.path() / "still").string();
   const CommandResult made =
       run("raystage simulate still -q --rows 3 --columns 3 --width 160 --height 120 --seconds 0.6 "
@@ -81,8 +81,10 @@ TEST_F(Bench, FindsTrueDepthsInTheFolderOfTheViews) {
   ASSERT_EQ(made.exit_code, 0) << made.err;
   const CommandResult result =
       run("raystage bench '" + take + "' '" + take +
-          "/views.json' --setting nearest --repeat 1 -o '" + out_.string() + "'");
+          "/views.json' --setting nearest --exact-times --repeat 1 -o '" + out_.string() + "'");
   ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(document()["exact_times"], true);
+  EXPECT_THAT(read_text(out_ / "trade.html"), HasSubstr("at their exact times"));
   EXPECT_GT(document()["rows"][0]["edge_psnr_db"].get<double>(), 10);
   EXPECT_GT(document()["rows"][0]["bad_depths_1_px"].get<double>(), 0);
 }

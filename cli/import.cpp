@@ -9,15 +9,18 @@
 #include <optional>
 #include <string>
 
+#include "base/atomic_file.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/depth_range_hint.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
 #include "cli/threads.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
 #include "raystage_version.h"
+#include "schemas/rig_document.h"
 
 namespace {
 
@@ -29,9 +32,12 @@ constexpr const char* kDescription =
     "Makes a take from images or movies.\n\n"
     "MANIFEST is one of\n"
     "  an import manifest   JSON with \"schema\": \"raystage/import/1\": cameras with intrinsics,\n"
-    "                       poses, and image files with times or a movie with times_ns\n"
+    "                       poses, and image files with times or a movie\n"
     "  a NeRF model         transforms.json with its images; each image is a camera at time 0\n"
     "  a COLMAP text model  cameras.txt and images.txt; each image is a camera at time 0\n"
+    "  a facebook360 rig    rig.json with pictures (color/cam0/000000.png, cam0/*.jpg) or\n"
+    "                       movies (cam0.mp4) named by the cameras' ids\n"
+    "  a Google model       models.json with camera_0001.mp4 etc.\n"
     "or a folder with one of them.\n\n"
     "JPEG files and Motion JPEG movies are stored byte for byte. Other images and movies are\n"
     "encoded once. 16-bit images are rounded to 8 bits. Images of linear light (float, or\n"
@@ -43,18 +49,22 @@ struct Options {
   std::string images, epoch = "1970-01-01T00:00:00Z", chroma = "444";
   std::string restart_markers;  // empty, "default" or MCUs between two
   int quality = 95;
-  double fps = 24;
+  std::optional<double> fps;
   int threads = 0;
-  bool quiet = false;
+  bool quiet = false, rig_only = false;
 };
 
 void declare(CommandLine& command, Options& options) {
   command.option("MANIFEST", options.manifest, "Manifest, model or folder").required();
   command.option("-o,--output TAKE", options.take, "Folder of the new take; must not exist")
       .required();
+  command.flag(
+      "--rig-only", options.rig_only,
+      "Write only the cameras, without pictures: the output is a rig (rig.json) instead of "
+      "a take, for raystage info, plan, calibrate and export");
   command.option("--images DIR", options.images,
-                 "Folder of the images of a COLMAP or NeRF model (default: images/ next to the "
-                 "model, or the model's folder)");
+                 "Folder of the pictures of another program's model (default: the model's folder "
+                 "and the usual ones next to it, such as images/ or color/)");
   command.flag("--restart-markers{default} [=MCUS]", options.restart_markers,
                "Rewrite JPEG input with restart markers, so that rectangles can be decoded; "
                "--restart-markers=MCUS sets the MCUs between two (default: as many as make up to "
@@ -65,11 +75,14 @@ void declare(CommandLine& command, Options& options) {
   command.option("--chroma S", options.chroma, "Chroma subsampling when encoding (default: 444)")
       .one_of_listed({"444", "422", "420"});
   command.option("--epoch UTC", options.epoch,
-                 "UTC of time 0 for a COLMAP or NeRF model (default: 1970-01-01T00:00:00Z)");
-  command.option("--fps F", options.fps, "Nominal rate of a COLMAP or NeRF model, Hz (default: 24)")
+                 "UTC of time 0 for another program's model (default: 1970-01-01T00:00:00Z)");
+  command
+      .option("--fps F", options.fps,
+              "Nominal rate of another program's model, Hz (default: that of its movies, else 24)")
       .range(1e-3, 1e6);
   add_threads_option(command, options.threads);
   add_sandbox_option(command);
+  add_follow_links_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
 }
 
@@ -102,15 +115,31 @@ ingest::ImportOptions settings_from(const Options& options) {
   return settings;
 }
 
+/// Throws Error (bad input) if the rig would replace a file: models have a rig.json, too.
+void write_rig_only(const schemas::ImportManifest& manifest, const std::filesystem::path& file) {
+  if (file_exists(file)) {
+    throw Error::bad_input("the rig's file exists", file.string(), "Give a file that does not");
+  }
+  const schemas::RigDocument rig = ingest::rig_of(manifest);
+  schemas::write_rig(rig, file);
+  print("{}: a rig of {} cameras\n", file.string(), rig.cameras.size());
+}
+
 ExitCode run(const Options& options, std::stop_token stop) {
   ingest::ModelImportOptions model;
   if (!options.images.empty()) model.images = options.images;
   model.epoch_utc = parse_utc(options.epoch);
   model.nominal_fps = options.fps;
+  model.has_pictures = !options.rig_only;
 
   const ThreadLimit limit(options.threads);
   ingest::ImportOptions settings = settings_from(options);
   const auto source = ingest::open_import_source(options.manifest, model);
+  for (const std::string& note : source.notes) print_error("note: {}\n", note);
+  if (options.rig_only) {
+    write_rig_only(source.manifest, options.take);
+    return ExitCode::kSuccess;
+  }
   Progress progress(!options.quiet);
   settings.progress = [&](double done) { progress.report(done); };
   const auto summary =

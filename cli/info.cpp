@@ -15,6 +15,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/follow_links_option.h"
+#include "cli/info_rig.h"
 #include "cli/printing.h"
 #include "schemas/former_names.h"
 #include "store/take_summary.h"
@@ -161,6 +162,7 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
     line("Cameras", cameras);
     line("Spacing", "unknown: the rig is not calibrated");
   }
+  if (summary.calibrated) line("Lenses", rig::format_lenses(summary.lenses));
   const auto [fewest, most] = std::ranges::minmax(summary.cameras, {}, &Camera::frames);
   line("Frames",
        fmt::format("{}; {} to {} a camera", summary.frames(), fewest.frames, most.frames));
@@ -259,7 +261,8 @@ void print_json(const store::Take& take, const store::TakeSummary& summary) {
             {"megabytes_per_second", megabytes_per_second(summary)},
             {"calibrated", summary.calibrated},
             {"median_baseline_m", measured(summary.spacing)},
-            {"min_alias_free_distance_m", measured(summary.min_alias_free_distance)}};
+            {"min_alias_free_distance_m", measured(summary.min_alias_free_distance)},
+            {"lenses", lenses_as_json(summary.lenses)}};
   if (document.depth_range) {
     const double far = document.depth_range->far;
     json["depth_range_m"] = {document.depth_range->near, std::isfinite(far) ? Json(far) : Json()};
@@ -286,6 +289,8 @@ void print_json(const store::Take& take, const store::TakeSummary& summary) {
 }
 
 ExitCode info(const std::string& folder, bool json) {
+  std::error_code ignored;
+  if (std::filesystem::is_regular_file(folder, ignored)) return info_of_rig(folder, json);
   const store::Take take(folder);
   const store::TakeSummary summary = store::summarise_take(take);
   (json ? print_json : print_text)(take, summary);
@@ -299,11 +304,12 @@ int main(int argc, char** argv) {
   using namespace raystage;
   using namespace raystage::cli;
   CommandLine command(
-      "Shows the contents of a take and what is missing. Exit code 2 if an archive cannot be read.",
+      "Shows the contents of a take and what is missing, or of a rig. Exit code 2 if an archive "
+      "cannot be read.",
       "raystage info");
   std::string folder;
   bool json = false;
-  command.option("TAKE", folder, "Folder of the take").required();
+  command.option("TAKE|RIG", folder, "Folder of the take, or a rig (rig.json)").required();
   command.flag("--json", json, "Print as JSON (times in ns, lengths in m)");
   add_follow_links_option(command);
   return parse_and_run(command, argc, argv, "info",

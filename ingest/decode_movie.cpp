@@ -39,6 +39,7 @@ int main(int argc, char** argv) {
     return sandbox::answer_or_error([&](sandbox::ByteWriter& answer) {
       if (asked == MovieRequest::kOpen) {
         movie = std::make_unique<MovieDecoder>(file);
+        answer.write(movie->frame_rate());
         return;
       }
       if (!movie) throw std::runtime_error("it is not open");  // the decoder has crashed before

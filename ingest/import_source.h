@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "ingest/model_manifest.h"
 
@@ -10,13 +12,13 @@ namespace raystage::ingest {
 /// The manifest of a take, and the folder of its relative paths (empty: the current folder).
 struct ImportSource {
   schemas::ImportManifest manifest;
-  std::filesystem::path base;
+  std::filesystem::path base = {};
+  std::vector<std::string> notes = {};  ///< approximations and what was ignored, as sentences
 };
 
 /// Detects the format of `path` from its contents and returns its manifest. Accepted are an import
-/// manifest, a NeRF transforms.json, a file of a COLMAP text model, or a folder that contains one
-/// of these. A folder is searched for import.json, then cameras.txt with images.txt (in it, in
-/// sparse/0 or in sparse), then transforms.json. Throws Error (bad input).
+/// manifest, a file of one of rig_formats(), or a folder that contains one of these. A folder is
+/// searched for import.json, then for the files of each of rig_formats(). Throws Error (bad input).
 ImportSource open_import_source(const std::filesystem::path& path,
                                 const ModelImportOptions& options);
 

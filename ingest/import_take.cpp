@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <atomic>
+#include <cmath>
 #include <span>
 #include <system_error>
 #include <utility>
@@ -26,6 +27,7 @@ bool is_jpeg(std::span<const std::byte> bytes) {
   return bytes.size() >= 2 && bytes[0] == std::byte{0xFF} && bytes[1] == std::byte{0xD8};
 }
 
+/// Returns the number of frames that is known before the import: 0 for a movie without times.
 std::int64_t frames_of(const schemas::ImportManifest::Camera& camera) {
   return static_cast<std::int64_t>(camera.movie.empty() ? camera.frames.size()
                                                         : camera.times_ns.size());
@@ -36,7 +38,11 @@ class Importer {
   Importer(const schemas::ImportManifest& manifest, const std::filesystem::path& base,
            const ImportOptions& options, std::stop_token stop)
       : manifest_(manifest), base_(base), options_(options), stop_(std::move(stop)) {
-    for (const auto& camera : manifest.cameras) total_ += frames_of(camera);
+    for (const auto& camera : manifest.cameras) {
+      const std::int64_t frames = frames_of(camera);
+      total_ += frames;
+      all_counted_ = all_counted_ && frames > 0;
+    }
   }
 
   void check_files() const;
@@ -59,6 +65,8 @@ class Importer {
                    const std::string& name);
   void append_image(const store::RgbImage& image, Nanoseconds time, const Target& target);
   void append(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target);
+  Nanoseconds time_of(const schemas::ImportManifest::Camera& camera, std::size_t frame) const;
+  void report_progress(std::int64_t done, std::int64_t total) const;
   void stop_if_asked(const Target& target) const;
 
   const schemas::ImportManifest& manifest_;
@@ -67,7 +75,8 @@ class Importer {
   const std::stop_token stop_;
   const images::ImageReader reader_;
   std::int64_t total_ = 0;
-  std::atomic<std::int64_t> copied_ = 0, rewritten_ = 0, encoded_ = 0, done_ = 0;
+  bool all_counted_ = true;  // false: progress counts cameras instead of frames
+  std::atomic<std::int64_t> copied_ = 0, rewritten_ = 0, encoded_ = 0, done_ = 0, cameras_done_ = 0;
   std::atomic<std::uint64_t> jpeg_bytes_ = 0;
 };
 
@@ -90,14 +99,21 @@ void Importer::check_files() const {
 void Importer::import_camera(const schemas::ImportManifest::Camera& camera,
                              store::ArchiveWriter& archive, const ParallelLoop& loop) {
   const Target target{camera.geometry, archive, loop};
-  if (!camera.movie.empty()) {
-    import_movie(camera, target);
-    return;
-  }
+  if (!camera.movie.empty()) import_movie(camera, target);
   for (const schemas::ImportManifest::Frame& frame : camera.frames) {
     stop_if_asked(target);
     import_file(frame, target);
   }
+  const std::int64_t done = ++cameras_done_;
+  if (!all_counted_) report_progress(done, static_cast<std::int64_t>(manifest_.cameras.size()));
+}
+
+/// Returns the time of a movie's frame.
+Nanoseconds Importer::time_of(const schemas::ImportManifest::Camera& camera,
+                              std::size_t frame) const {
+  if (!camera.times_ns.empty()) return camera.times_ns[frame];
+  return std::llround(static_cast<double>(frame) * static_cast<double>(kNanosecondsPerSecond) /
+                      manifest_.nominal_fps);
 }
 
 void Importer::import_file(const schemas::ImportManifest::Frame& frame, const Target& target) {
@@ -125,20 +141,24 @@ void Importer::import_movie(const schemas::ImportManifest::Camera& camera, const
   std::size_t count = 0;
   for (; movie.next(frame); ++count) {
     stop_if_asked(target);
-    if (count == times) refuse_count(count + 1 + static_cast<std::size_t>(movie.skip_rest()));
+    if (times > 0 && count == times)
+      refuse_count(count + 1 + static_cast<std::size_t>(movie.skip_rest()));
     const std::string name = fmt::format("{} frame {}", file.string(), count);
     if (!frame.jpeg.empty()) {
-      append_jpeg(frame.jpeg, camera.times_ns[count], target, name);
+      append_jpeg(frame.jpeg, time_of(camera, count), target, name);
     } else {
       if (linear()) {
         throw Error::bad_input("color_space is \"lin_rec709_scene\", but a movie is not linear",
                                file.string(), "Set color_space to \"srgb_texture\"");
       }
       check_image_size({frame.image.width, frame.image.height}, target.size(), name);
-      append_image(frame.image, camera.times_ns[count], target);
+      append_image(frame.image, time_of(camera, count), target);
     }
   }
-  if (count != times) refuse_count(count);
+  if (times > 0 && count != times) refuse_count(count);
+  if (count == 0) {
+    throw Error::bad_input("the movie has no frame", file.string(), "Choose a file with video");
+  }
 }
 
 void Importer::append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target,
@@ -167,9 +187,12 @@ void Importer::append(std::span<const std::byte> jpeg, Nanoseconds time, const T
   target.archive.append(jpeg, time);
   jpeg_bytes_ += jpeg.size();
   const std::int64_t done = ++done_;
-  if (options_.progress) {
-    options_.progress(static_cast<double>(done) / static_cast<double>(total_));
-  }
+  if (all_counted_) report_progress(done, total_);
+}
+
+void Importer::report_progress(std::int64_t done, std::int64_t total) const {
+  if (!options_.progress) return;
+  options_.progress(static_cast<double>(done) / static_cast<double>(total));
 }
 
 void Importer::stop_if_asked(const Target& target) const {
@@ -205,14 +228,14 @@ schemas::TakeDocument take_document(const schemas::ImportManifest& manifest,
   return take;
 }
 
-schemas::RigDocument rig_document(const schemas::ImportManifest& manifest) {
+}  // namespace
+
+schemas::RigDocument rig_of(const schemas::ImportManifest& manifest) {
   schemas::RigDocument rig;
   rig.name = manifest.name;
   for (const auto& camera : manifest.cameras) rig.cameras.push_back({camera.geometry, {}});
   return rig;
 }
-
-}  // namespace
 
 bool ImportOptions::is_valid(std::string* reason) const {
   return encode.is_valid(reason) &&
@@ -226,7 +249,7 @@ ImportSummary import_take(const schemas::ImportManifest& manifest,
   require_valid(options, "import");
   Importer importer(manifest, base, options, std::move(stop));
   importer.check_files();
-  store::TakeWriter writer(take_folder, take_document(manifest, options), rig_document(manifest));
+  store::TakeWriter writer(take_folder, take_document(manifest, options), rig_of(manifest));
   const auto import_camera = [&](std::size_t index, const ParallelLoop& loop) {
     importer.import_camera(manifest.cameras[index], writer.archive(static_cast<int>(index)), loop);
   };

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "schemas/import_manifest.h"
+#include "schemas/rig_document.h"
 #include "store/jpeg/encode.h"
 
 namespace raystage::ingest {
@@ -31,6 +32,9 @@ struct ImportSummary {
   std::int64_t copied = 0, rewritten = 0, encoded = 0;  ///< frames; their sum is `frames`
   std::uint64_t jpeg_bytes = 0;                         ///< of all stored frames
 };
+
+/// Returns the rig of the cameras of a manifest, with its name.
+schemas::RigDocument rig_of(const schemas::ImportManifest& manifest);
 
 /// Creates the take `take_folder` from the images and movies of `manifest`, whose paths are
 /// relative to `base`. Imports the cameras in parallel in the current TBB arena, with one frame of

@@ -7,30 +7,29 @@
 #include <string>
 #include <vector>
 
+#include "ingest/rig_formats/rig_format.h"
 #include "schemas/import_manifest.h"
 
 namespace raystage::ingest {
 
-/// Settings of a take that a COLMAP or NeRF model does not contain.
+/// Settings of a take that a model of another program does not contain.
 struct ModelImportOptions {
-  std::optional<std::filesystem::path> images;  ///< folder of the images; searched if not given
+  std::optional<std::filesystem::path> images;  ///< folder of the pictures; searched if not given
   Nanoseconds epoch_utc = 0;                    ///< since 1970
-  double nominal_fps = 24;
+  /// Frames per second; nullopt: the rate of the movies, or else kDefaultFps.
+  std::optional<double> nominal_fps;
+  bool has_pictures = true;  ///< false: only cameras are read, without pictures
+  static constexpr double kDefaultFps = 24;
   bool is_valid(std::string* reason) const;
 };
 
-/// Returns a manifest without cameras, named after the folder of the model file.
-schemas::ImportManifest make_model_manifest(const std::filesystem::path& file,
+/// Returns the manifest of a rig, named after the folder of its file. Pictures that the rig names
+/// are at time 0. Those of other cameras are found by their ids, in the first of `picture_folders`
+/// that has some of the first camera (see model_pictures.h); frame i is at i / nominal_fps. Throws
+/// Error (bad input) at a camera without pictures.
+schemas::ImportManifest make_model_manifest(const ForeignRig& rig,
+                                            const std::filesystem::path& file,
+                                            std::span<const std::filesystem::path> picture_folders,
                                             const ModelImportOptions& options);
-
-/// Returns a camera id for each image file name: the name without folder and extension, reduced to
-/// characters that are safe in file names. Names that are not unique keep their folders as a
-/// prefix; if that is not enough, a number is appended.
-std::vector<std::string> make_camera_ids(std::span<const std::string> image_names);
-
-/// Returns the first of `folders` that contains `image`. Throws Error (bad input) if none does.
-std::filesystem::path find_image_folder(std::span<const std::filesystem::path> folders,
-                                        const std::string& image,
-                                        const std::filesystem::path& model);
 
 }  // namespace raystage::ingest

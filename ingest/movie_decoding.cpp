@@ -151,6 +151,12 @@ MovieDecoder::MovieDecoder(std::filesystem::path file) : state_(std::make_unique
 
 MovieDecoder::~MovieDecoder() = default;
 
+double MovieDecoder::frame_rate() const {
+  AVFormatContext* format = state_->format.get();
+  const AVRational rate = av_guess_frame_rate(format, format->streams[state_->stream], nullptr);
+  return rate.num > 0 && rate.den > 0 ? av_q2d(rate) : 0;
+}
+
 bool MovieDecoder::next(MovieFrame& frame) {
   State& state = *state_;
   frame.jpeg.clear();

@@ -21,6 +21,9 @@ class MovieDecoder {
   MovieDecoder(const MovieDecoder&) = delete;
   MovieDecoder& operator=(const MovieDecoder&) = delete;
 
+  /// Returns the frames per second that the file states; 0 if it states none.
+  double frame_rate() const;
+
   /// Reads the next frame; returns false at the end. Throws Error (bad input) if it is damaged.
   bool next(MovieFrame& frame);
 

@@ -17,7 +17,7 @@ struct MovieFrame {
 
 /// What raystage-decode-movie is asked for.
 enum class MovieRequest : std::uint8_t {
-  kOpen,  ///< the file's name follows
+  kOpen,  ///< the file's name follows; result: frames per second or 0, double
   kNext   ///< result: MovieFrameKind, then bytes, or width, height and values
 };
 

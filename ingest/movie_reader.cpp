@@ -35,8 +35,12 @@ MovieReader::MovieReader(std::filesystem::path file)
                                : "the movie cannot be read: No such file or directory",
                            file_.string(), "Check that the file exists and is a movie");
   }
-  sandbox::read_answer(ask(MovieRequest::kOpen), kKind, file_,
-                       [](sandbox::ByteReader& /*reader*/) { return true; });
+  constexpr double kLargestRate = 1e6;
+  frame_rate_ =
+      sandbox::read_answer(ask(MovieRequest::kOpen), kKind, file_, [](sandbox::ByteReader& reader) {
+        const auto rate = reader.read<double>();
+        return rate > 0 && rate <= kLargestRate ? rate : 0.0;
+      });
 }
 
 std::vector<std::byte> MovieReader::ask(MovieRequest request) {

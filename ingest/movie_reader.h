@@ -20,6 +20,9 @@ class MovieReader {
   /// without decoder; Error (failed) as sandbox::DecoderProcess does.
   explicit MovieReader(std::filesystem::path file);
 
+  /// Returns the frames per second that the file states; 0 if it states none.
+  double frame_rate() const { return frame_rate_; }
+
   /// Reads the next frame; returns false at the end. Throws Error (bad input) if it is damaged.
   bool next(MovieFrame& frame);
   /// Skips the remaining frames and returns their number.
@@ -28,6 +31,7 @@ class MovieReader {
  private:
   std::filesystem::path file_;
   sandbox::DecoderProcess decoder_;
+  double frame_rate_ = 0;
 
   std::vector<std::byte> ask(MovieRequest request);
 };

@@ -26,43 +26,81 @@ Vector3 centre(const CameraGeometry& camera) {
   return {m[3], m[7], m[11]};
 }
 
+Vector3 difference(const Vector3& a, const Vector3& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+
+/// Where the cameras of an array are, and where they look.
+struct ArrayAim {
+  Vector3 centre{}, forward{};
+  double agreement = 0;  ///< length of the mean viewing direction; `forward` has length 1
+  /// Mean distance of a camera from the centre in its own viewing direction, as a share of the mean
+  /// distance: 1 for a sphere that looks outwards.
+  double outward = 0;
+  bool all_pinholes = true;
+};
+
+ArrayAim aim_of(const ImportManifest& manifest) {
+  ArrayAim aim;
+  const auto count = static_cast<double>(manifest.cameras.size());
+  for (const auto& camera : manifest.cameras) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      aim.forward[i] += viewing_direction(camera.geometry)[i] / count;
+      aim.centre[i] += centre(camera.geometry)[i] / count;
+    }
+    const bool pinhole = camera.geometry.intrinsics.projection == Projection::kPinhole;
+    aim.all_pinholes = aim.all_pinholes && pinhole;
+  }
+  double along = 0, distance = 0;
+  for (const auto& camera : manifest.cameras) {
+    const Vector3 from_centre = difference(centre(camera.geometry), aim.centre);
+    along += dot(from_centre, viewing_direction(camera.geometry));
+    distance += std::sqrt(dot(from_centre, from_centre));
+  }
+  if (distance > 0) aim.outward = along / distance;
+  aim.agreement = std::sqrt(dot(aim.forward, aim.forward));
+  if (aim.agreement > 0) {
+    for (double& value : aim.forward) value /= aim.agreement;
+  }
+  return aim;
+}
+
+/// Throws Error (bad input) if a camera of an array of pinholes that look one way looks back: the
+/// usual cause is another program's axes.
+void check_viewing_direction(const JsonNode& matrix, const CameraGeometry& camera,
+                             const ArrayAim& aim) {
+  const double cosine = dot(viewing_direction(camera), aim.forward);
+  if (cosine > 0) return;
+  const double degrees = std::acos(std::max(cosine, -1.0)) * 180 / std::numbers::pi;
+  throw matrix.input_error(
+      fmt::format("the camera \"{}\" looks {:.1f} degrees away from the mean viewing "
+                  "direction, allowed for pinholes with a depth range: less than 90",
+                  camera.id, degrees),
+      "Give poses with y up, looking down -z: negate the second and third column of matrices "
+      "of OpenCV or COLMAP (y down, +z forward)");
+}
+
 /// Throws Error (bad input) unless the whole depth range is in front of every camera. It is
-/// measured from the array's centre along its mean viewing direction.
+/// measured from the array's centre: along its mean viewing direction if the cameras look one way,
+/// along that of each camera if they look outwards.
 void check_depth_range(const JsonNode& document, const ImportManifest& manifest) {
   if (!manifest.depth_range) return;
   const JsonNode cameras = document.at("cameras");
-  const auto count = static_cast<double>(manifest.cameras.size());
-  Vector3 forward{}, mean_centre{};
-  for (const auto& camera : manifest.cameras) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      forward[i] += viewing_direction(camera.geometry)[i] / count;
-      mean_centre[i] += centre(camera.geometry)[i] / count;
-    }
-  }
-  const double length = std::sqrt(dot(forward, forward));
-  constexpr double kNoDirection = 1e-3;
-  if (length < kNoDirection) {
+  const ArrayAim aim = aim_of(manifest);
+  // The mean direction of half a sphere has the length 0.5; that of a ring or a sphere is shorter.
+  constexpr double kOneWay = 0.6, kOutward = 0.5, kNoDirection = 1e-3;
+  const bool outward = aim.outward > kOutward && aim.agreement < kOneWay;
+  if (!outward && aim.agreement < kNoDirection) {
     throw cameras.input_error(
         "the cameras have no mean viewing direction, so a depth range is undefined",
         "Remove \"depth_range_m\", or correct \"world_from_camera\"");
   }
-  for (double& value : forward) value /= length;
   for (std::size_t i = 0; i < manifest.cameras.size(); ++i) {
     const CameraGeometry& camera = manifest.cameras[i].geometry;
     const JsonNode matrix = cameras.at(i).at("world_from_camera");
-    const double cosine = dot(viewing_direction(camera), forward);
-    if (cosine <= 0) {
-      const double degrees = std::acos(std::max(cosine, -1.0)) * 180 / std::numbers::pi;
-      throw matrix.input_error(
-          fmt::format("the camera \"{}\" looks {:.1f} degrees away from the mean viewing "
-                      "direction, allowed with a depth range: less than 90",
-                      camera.id, degrees),
-          "Give poses with y up, looking down -z: negate the second and third column of matrices "
-          "of OpenCV or COLMAP (y down, +z forward)");
-    }
-    const Vector3 c = centre(camera);
-    const double advance =
-        dot({c[0] - mean_centre[0], c[1] - mean_centre[1], c[2] - mean_centre[2]}, forward);
+    if (!outward && aim.all_pinholes) check_viewing_direction(matrix, camera, aim);
+    const double advance = dot(difference(centre(camera), aim.centre),
+                               outward ? viewing_direction(camera) : aim.forward);
     if (advance >= manifest.depth_range->near) {
       throw matrix.input_error(
           fmt::format(
@@ -74,29 +112,12 @@ void check_depth_range(const JsonNode& document, const ImportManifest& manifest)
   }
 }
 
-/// Throws Error (bad input) for a time that is not after the previous one.
-class IncreasingTimes {
- public:
-  Nanoseconds next(const JsonNode& time) {
-    const auto value = time.get<Nanoseconds>();
-    if (value <= last_) {
-      throw time.input_error(
-          fmt::format("found {} after {}, allowed: increasing times", value, last_),
-          "Sort the frames by time and list each once");
-    }
-    return last_ = value;
-  }
-
- private:
-  Nanoseconds last_ = -1;
-};
-
 void check_form(const JsonNode& object, const ImportManifest::Camera& camera) {
   const bool movie = object.has("movie");
-  if (movie != object.has("times_ns") || movie == object.has("frames")) {
+  if (movie == object.has("frames") || (object.has("times_ns") && !movie)) {
     throw object.input_error(
         fmt::format("the camera \"{}\" has {}\"frames\", {}\"movie\" and {}\"times_ns\", allowed: "
-                    "either \"frames\", or \"movie\" with \"times_ns\"",
+                    "either \"frames\", or \"movie\", with or without \"times_ns\"",
                     camera.geometry.id, object.has("frames") ? "" : "no ", movie ? "" : "no ",
                     object.has("times_ns") ? "" : "no "),
         "Keep one of the two forms");
@@ -129,7 +150,7 @@ constexpr Fields kImportCamera(
     kGeometryFields, check(check_form),
     written_if(has_frames, defaulted("frames", &ImportManifest::Camera::frames, kFrames)),
     written_if(std::not_fn(has_frames), defaulted("movie", &ImportManifest::Camera::movie, kPath),
-               defaulted("times_ns", &ImportManifest::Camera::times_ns, kTimes)));
+               optional("times_ns", &ImportManifest::Camera::times_ns, kTimes)));
 
 constexpr Fields kImport(required("name", &ImportManifest::name),
                          required("epoch_utc", &ImportManifest::epoch_utc, kUtc),
@@ -148,8 +169,9 @@ ImportManifest parse_import_manifest(std::string_view text, std::string_view nam
 }
 
 std::string format_import_manifest(const ImportManifest& manifest) {
-  const bool is_plain = std::ranges::all_of(
-      manifest.cameras, [](const auto& camera) { return is_plain_camera(camera.geometry); });
+  const bool is_plain = std::ranges::all_of(manifest.cameras, [](const auto& camera) {
+    return is_plain_camera(camera.geometry) && (camera.movie.empty() || !camera.times_ns.empty());
+  });
   return format_document("import", kImport, manifest, is_plain ? 1 : 2);
 }
 

@@ -20,9 +20,10 @@ struct ImportManifest {
   };
   struct Camera {
     CameraGeometry geometry;
-    std::vector<Frame> frames;          ///< either these ...
-    std::string movie;                  ///< ... or a movie, relative to the manifest's folder, ...
-    std::vector<Nanoseconds> times_ns;  ///< ... with the time of each of its frames
+    std::vector<Frame> frames;  ///< either these ...
+    std::string movie;          ///< ... or a movie, relative to the manifest's folder, ...
+    /// ... with the time of each of its frames; empty: frame i is at i / nominal_fps.
+    std::vector<Nanoseconds> times_ns;
   };
   std::string name;
   Nanoseconds epoch_utc = 0;  ///< since 1970

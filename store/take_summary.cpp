@@ -70,19 +70,6 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-double spacing_of(const rig::Rig& rig) {
-  std::vector<double> nearest;
-  for (const rig::Rig::Camera& camera : rig.cameras) {
-    double distance = std::numeric_limits<double>::infinity();
-    for (const rig::Rig::Camera& other : rig.cameras) {
-      if (&other == &camera) continue;
-      distance = std::min(distance, (other.pose.position - camera.pose.position).norm());
-    }
-    if (std::isfinite(distance)) nearest.push_back(distance);
-  }
-  return median_of(std::move(nearest));
-}
-
 void add_times(const Take& take, TakeSummary& summary) {
   std::vector<std::vector<Nanoseconds>> times;
   Nanoseconds first = std::numeric_limits<Nanoseconds>::max(), last = -1;
@@ -134,6 +121,19 @@ bool TakeSummary::is_readable() const {
   return std::ranges::all_of(cameras, [](const Camera& camera) { return camera.error.empty(); });
 }
 
+double median_baseline(const rig::Rig& rig) {
+  std::vector<double> nearest;
+  for (const rig::Rig::Camera& camera : rig.cameras) {
+    double distance = std::numeric_limits<double>::infinity();
+    for (const rig::Rig::Camera& other : rig.cameras) {
+      if (&other == &camera) continue;
+      distance = std::min(distance, (other.pose.position - camera.pose.position).norm());
+    }
+    if (std::isfinite(distance)) nearest.push_back(distance);
+  }
+  return median_of(std::move(nearest));
+}
+
 double min_alias_free_distance(double spacing_m, double focal_length_px) {
   return spacing_m * focal_length_px / 2;
 }
@@ -150,7 +150,8 @@ TakeSummary summarise_take(const Take& take) {
   add_times(take, summary);
   add_restarts(take, summary);
   summary.calibrated = schemas::is_calibrated(schemas::read_rig(take.file("rig.json")));
-  summary.spacing = spacing_of(take.rig());
+  summary.spacing = median_baseline(take.rig());
+  summary.lenses = rig::summarise_lenses(take.rig());
   summary.min_alias_free_distance =
       min_alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));
   try {

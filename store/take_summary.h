@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "rig/lens_summary.h"
 #include "store/take.h"
 #include "store/timeline.h"
 
@@ -45,6 +46,7 @@ struct TakeSummary {
   double spacing = 0;
   /// Distance from which the scene is free of aliasing (Eq. 4.3), metres; 0 if undefined.
   double min_alias_free_distance = 0;
+  std::vector<rig::LensSummary> lenses;
 
   /// Summary of the timeline, if there is a valid one.
   struct TimelineSummary {
@@ -62,6 +64,9 @@ struct TakeSummary {
 /// Returns the summary of a take. Opens every archive; reports one that cannot be read in its
 /// camera's `error`.
 TakeSummary summarise_take(const Take& take);
+
+/// Returns the median distance from a camera to its nearest neighbour, metres; 0 for one camera.
+double median_baseline(const rig::Rig& rig);
 
 /// Returns the alias-free distance zmin = spacing * f / (2 dv) in metres (Eq. 4.3); f / dv is the
 /// focal length in pixels.

@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
+// The parts of `raystage export`.
+#pragma once
+
+#include "cli/command_line_parsing.h"
+
+namespace raystage::cli {
+
+Subcommand declare_export_rig(CommandLine& command);
+
+}  // namespace raystage::cli

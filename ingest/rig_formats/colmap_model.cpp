@@ -1,0 +1,399 @@
+// SPDX-License-Identifier: Apache-2.0
+// Converts a COLMAP text model: inverts its poses (camera_from_world to world_from_camera) and
+// negates the camera's y and z axes (y down, +z forward to y up, -z forward). Lens parameters and
+// world coordinates stay unchanged. Cost: linear in the size of the two files.
+#include "ingest/rig_formats/colmap_model.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "ingest/rig_formats/camera_ids.h"
+#include "ingest/rig_formats/fov_lens.h"
+#include "ingest/rig_formats/rig_conversion.h"
+
+namespace raystage::ingest {
+namespace {
+
+/// Reads a text file line by line, and a line word by word.
+class LineReader {
+ public:
+  explicit LineReader(const NamedText& file) : name_(file.name), rest_(file.text) {}
+
+  /// Goes to the next line; returns false at the end.
+  bool next_line() {
+    if (rest_.empty()) return false;
+    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+    line_ = rest_.substr(0, end);
+    if (line_.ends_with('\r')) line_.remove_suffix(1);
+    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    ++number_;
+    return true;
+  }
+  /// Goes to the next line that is neither empty nor a comment; returns false at the end.
+  bool next_entry() {
+    while (next_line()) {
+      const std::size_t first = line_.find_first_not_of(" \t");
+      if (first != line_.npos && line_[first] != '#') return true;
+    }
+    return false;
+  }
+  std::string_view word(std::string_view what) {
+    skip_space();
+    if (line_.empty()) throw refuse(fmt::format("the {} is missing", what));
+    const std::size_t end = std::min(line_.find_first_of(" \t"), line_.size());
+    const std::string_view result = line_.substr(0, end);
+    line_.remove_prefix(end);
+    return result;
+  }
+  /// Returns the rest of the line: a file name may contain spaces.
+  std::string_view rest_of_line(std::string_view what) {
+    skip_space();
+    if (line_.empty()) throw refuse(fmt::format("the {} is missing", what));
+    return line_.substr(0, line_.find_last_not_of(" \t") + 1);
+  }
+  bool at_end_of_line() {
+    skip_space();
+    return line_.empty();
+  }
+  template <typename Number>
+  Number number(std::string_view what) {
+    const std::string_view text = word(what);
+    Number value{};
+    const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const bool whole = error == std::errc{} && stop == text.data() + text.size();
+    if (!whole || !std::isfinite(static_cast<double>(value))) {
+      throw refuse(fmt::format("found \"{}\" for the {}, allowed: a finite number", text, what));
+    }
+    return value;
+  }
+  /// Returns "FILE:line".
+  std::string place() const { return fmt::format("{}:{}", name_, number_); }
+  Error refuse(std::string what) const {
+    return Error::bad_input(std::move(what), place(),
+                            "Export the model again with colmap model_converter --output_type TXT");
+  }
+
+ private:
+  void skip_space() { line_.remove_prefix(std::min(line_.find_first_not_of(" \t"), line_.size())); }
+  const std::string& name_;
+  std::string_view rest_, line_;
+  int number_ = 0;
+};
+
+struct ColmapCamera {
+  int width = 0, height = 0;
+  schemas::Intrinsics intrinsics;
+};
+
+/// The parameters of a camera model in their order (colmap/src/colmap/sensor/models.h): focal
+/// lengths, principal point, then distortion by the names of ours, "0" for one that must be 0.
+struct ColmapCameraModel {
+  std::string_view name;
+  schemas::Projection projection;
+  bool one_focal_length;
+  std::string_view distortion;
+};
+constexpr auto kPinholeLens = schemas::Projection::kPinhole;
+constexpr auto kFisheyeLens = schemas::Projection::kFisheye;
+// Digits: k1 ... k4; p, q: p1, p2; w: omega.
+constexpr std::array<ColmapCameraModel, 11> kColmapModels{{
+    {"SIMPLE_PINHOLE", kPinholeLens, true, ""},
+    {"PINHOLE", kPinholeLens, false, ""},
+    {"SIMPLE_RADIAL", kPinholeLens, true, "1"},
+    {"RADIAL", kPinholeLens, true, "12"},
+    {"OPENCV", kPinholeLens, false, "12pq"},
+    {"FULL_OPENCV", kPinholeLens, false, "12pq3000"},
+    {"SIMPLE_RADIAL_FISHEYE", kFisheyeLens, true, "1"},
+    {"RADIAL_FISHEYE", kFisheyeLens, true, "12"},
+    {"OPENCV_FISHEYE", kFisheyeLens, false, "1234"},
+    {"THIN_PRISM_FISHEYE", kFisheyeLens, false, "12003400"},
+    {"FOV", kFisheyeLens, false, "w"},
+}};
+
+const ColmapCameraModel* find_model(std::string_view name) {
+  const auto found = std::ranges::find(kColmapModels, name, &ColmapCameraModel::name);
+  return found == kColmapModels.end() ? nullptr : &*found;
+}
+
+/// Returns the variable of a letter of ColmapCameraModel::distortion; null for "0" and "w".
+double* distortion_variable(char letter, schemas::Intrinsics& lens) {
+  if (lens.projection == kPinholeLens) {
+    switch (letter) {
+      case '1':
+        return &lens.distortion.k1;
+      case '2':
+        return &lens.distortion.k2;
+      case '3':
+        return &lens.distortion.k3;
+      case 'p':
+        return &lens.distortion.p1;
+      case 'q':
+        return &lens.distortion.p2;
+      default:
+        return nullptr;
+    }
+  }
+  return letter >= '1' && letter <= '4' ? &lens.radial_distortion.at(letter - '1') : nullptr;
+}
+
+Error unsupported_model(const LineReader& lines, std::string_view name) {
+  std::string allowed;
+  for (const ColmapCameraModel& model : kColmapModels) {
+    allowed += fmt::format("{}{}", allowed.empty() ? "" : ", ", model.name);
+  }
+  return lines.refuse(
+      fmt::format("the camera model {} is not supported, allowed: {}; undistort the images with "
+                  "colmap image_undistorter",
+                  name, allowed));
+}
+
+/// Replaces the lens of an FOV camera by a fisheye, and notes the error.
+void approximate_fov(ColmapCamera& camera, double omega, const LineReader& lines,
+                     std::vector<std::string>& notes) {
+  constexpr double kLargestError = 0.01;  // pixels
+  const schemas::Intrinsics& lens = camera.intrinsics;
+  if (!(std::abs(omega) < std::numbers::pi)) {
+    throw lines.refuse(
+        fmt::format("found omega {} of the model FOV, allowed: less than pi", omega));
+  }
+  const FovApproximation fisheye =
+      approximate_fov_lens(lens.fx, lens.fy, lens.cx, lens.cy, omega, camera.width, camera.height);
+  if (!(fisheye.max_error_px < kLargestError)) {
+    throw lines.refuse(fmt::format(
+        "the camera model FOV is approximated by a fisheye, which would be {:.3g} px off here, "
+        "allowed: less than {} px; undistort the images with colmap image_undistorter",
+        fisheye.max_error_px, kLargestError));
+  }
+  camera.intrinsics = fisheye.intrinsics;
+  notes.push_back(fmt::format("{}: the lens FOV is approximated by a fisheye, up to {:.2g} px off",
+                              lines.place(), fisheye.max_error_px));
+}
+
+ColmapCamera read_camera(LineReader& lines, std::vector<std::string>& notes) {
+  const std::string_view name = lines.word("camera model");
+  const ColmapCameraModel* model = find_model(name);
+  if (model == nullptr) throw unsupported_model(lines, name);
+  ColmapCamera camera;
+  camera.width = lines.number<int>("width");
+  camera.height = lines.number<int>("height");
+  if (std::min(camera.width, camera.height) < 1 || std::max(camera.width, camera.height) > 65535) {
+    throw lines.refuse(fmt::format("found the size {}x{}, allowed: 1 to 65535 pixels", camera.width,
+                                   camera.height));
+  }
+  schemas::Intrinsics& lens = camera.intrinsics;
+  const auto number = [&] {
+    const auto value = lines.number<double>("camera parameter");
+    constexpr double kLargest = 1e7;  // of rig.json
+    if (std::abs(value) <= kLargest) return value;
+    throw lines.refuse(
+        fmt::format("found the camera parameter {}, allowed: up to {}", value, kLargest));
+  };
+  lens.projection = model->projection;
+  lens.fx = lens.fy = number();
+  if (!model->one_focal_length) lens.fy = number();
+  lens.cx = number();
+  lens.cy = number();
+  double omega = 0;
+  for (const char letter : model->distortion) {
+    const double value = number();
+    if (double* variable = distortion_variable(letter, lens)) {
+      *variable = value;
+    } else if (letter == 'w') {
+      omega = value;
+    } else if (value != 0) {
+      throw lines.refuse(fmt::format(
+          "the camera model {} is supported only without {}, which is {} here; undistort the "
+          "images with colmap image_undistorter",
+          name, model->projection == kPinholeLens ? "k4, k5 and k6" : "p1, p2, sx1 and sy1",
+          value));
+    }
+  }
+  if (!lines.at_end_of_line()) {
+    throw lines.refuse(fmt::format("found more parameters than {} has", name));
+  }
+  if (lens.fx <= 0 || lens.fy <= 0) {
+    throw lines.refuse("the focal length must be greater than 0");
+  }
+  if (model->distortion == "w") approximate_fov(camera, omega, lines, notes);
+  return camera;
+}
+
+std::map<std::int64_t, ColmapCamera> read_cameras(const NamedText& file,
+                                                  std::vector<std::string>& notes) {
+  LineReader lines(file);
+  std::map<std::int64_t, ColmapCamera> cameras;
+  while (lines.next_entry()) {
+    const auto id = lines.number<std::int64_t>("camera id");
+    if (!cameras.emplace(id, read_camera(lines, notes)).second) {
+      throw lines.refuse(fmt::format("the camera id {} is used twice", id));
+    }
+  }
+  return cameras;
+}
+
+struct ColmapImage {
+  std::string name, place;
+  ColmapCamera camera;
+  schemas::Matrix4 world_from_camera{};
+};
+
+schemas::Matrix4 read_pose(LineReader& lines) {
+  std::array<double, 7> values{};
+  for (double& value : values) {
+    value = lines.number<double>("pose");
+    constexpr double kLargest = 1e9;  // of rig.json
+    if (std::abs(value) > kLargest) {
+      throw lines.refuse(fmt::format("found {} in the pose, allowed: up to {}", value, kLargest));
+    }
+  }
+  Eigen::Quaterniond camera_from_world(values[0], values[1], values[2], values[3]);
+  constexpr double kSmallest = 1e-9;
+  if (camera_from_world.norm() < kSmallest) throw lines.refuse("the quaternion has length 0");
+  camera_from_world.normalize();
+  const Eigen::Matrix3d rotation = camera_from_world.toRotationMatrix();
+  const Eigen::Vector3d translation(values[4], values[5], values[6]);
+  return rig::matrix_from_pose(pose_from_opencv(rotation, -(rotation.transpose() * translation)));
+}
+
+std::vector<ColmapImage> read_images(const NamedText& file,
+                                     const std::map<std::int64_t, ColmapCamera>& cameras) {
+  LineReader lines(file);
+  std::vector<ColmapImage> images;
+  while (lines.next_entry()) {
+    ColmapImage image;
+    lines.word("image id");
+    image.world_from_camera = read_pose(lines);
+    const auto id = lines.number<std::int64_t>("camera id");
+    const auto camera = cameras.find(id);
+    if (camera == cameras.end()) {
+      throw lines.refuse(fmt::format("the camera {} is not in cameras.txt", id));
+    }
+    image.camera = camera->second;
+    image.name = lines.rest_of_line("image name");
+    image.place = lines.place();
+    images.push_back(std::move(image));
+    lines.next_line();  // skips the image's 2-D points, which may be empty
+  }
+  std::ranges::sort(images, {}, &ColmapImage::name);
+  return images;
+}
+
+/// Returns the camera model that holds a lens, and its parameters in a line.
+std::string colmap_camera_line(const schemas::CameraGeometry& camera) {
+  const schemas::Intrinsics& lens = camera.intrinsics;
+  const std::string pixels = fmt::format("{} {} {} {} {} {}", camera.width, camera.height, lens.fx,
+                                         lens.fy, lens.cx, lens.cy);
+  if (lens.projection == schemas::Projection::kPinhole) {
+    const schemas::Distortion& d = lens.distortion;
+    if (d == schemas::Distortion{}) return "PINHOLE " + pixels;
+    const std::string four = fmt::format("{} {} {} {} {}", pixels, d.k1, d.k2, d.p1, d.p2);
+    return d.k3 == 0 ? "OPENCV " + four : fmt::format("FULL_OPENCV {} {} 0 0 0", four, d.k3);
+  }
+  if (lens.projection == schemas::Projection::kFisheye ||
+      lens.projection == schemas::Projection::kFtheta) {
+    const auto& k = lens.radial_distortion;
+    return fmt::format("OPENCV_FISHEYE {} {} {} {} {}", pixels, k[0], k[1], k[2], k[3]);
+  }
+  throw lens_error(camera, "COLMAP has only OpenCV's fisheye", "Choose another format");
+}
+
+class ColmapFormat : public RigFormat {
+ public:
+  std::string_view name() const override { return "colmap"; }
+  std::string_view description() const override {
+    return "COLMAP text model (cameras.txt, images.txt)";
+  }
+  std::vector<std::string> files() const override {
+    return {"cameras.txt", "images.txt", "points3D.txt"};
+  }
+  std::size_t needed_files() const override { return 2; }
+  std::vector<std::string> model_folders() const override { return {"", "sparse/0", "sparse"}; }
+  std::vector<std::string> picture_folders() const override {
+    return {"../images", "../../images", "images", ""};
+  }
+  std::uint64_t max_bytes() const override { return kMaxSceneBytes; }
+  bool matches(const JsonOutline& /*outline*/) const override { return false; }
+  void check_variant(const std::filesystem::path& path) const override;
+  ForeignRig parse(std::span<const NamedText> files,
+                   const PictureSizeReader& size_of_picture) const override;
+  ExportedRig format(const schemas::RigDocument& rig) const override;
+};
+
+void ColmapFormat::check_variant(const std::filesystem::path& path) const {
+  const auto refuse = [](const std::filesystem::path& file) {
+    throw Error::bad_input("this is a binary COLMAP model", file.string(),
+                           "Convert it with colmap model_converter --output_type TXT");
+  };
+  if (path.filename() == "cameras.bin" || path.filename() == "images.bin") refuse(path);
+  for (const std::string& folder : model_folders()) {
+    const std::filesystem::path file = path / folder / "cameras.bin";
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(file, ignored)) refuse(file);
+  }
+}
+
+ForeignRig ColmapFormat::parse(std::span<const NamedText> files,
+                               const PictureSizeReader& /*size_of_picture*/) const {
+  ForeignRig rig;
+  rig.arbitrary_scale = true;
+  const auto images = read_images(files[1], read_cameras(files[0], rig.notes));
+  if (images.empty()) {
+    throw Error::bad_input("the model has no registered image", files[1].name,
+                           "Export a model with registered images");
+  }
+  std::vector<std::string> names;
+  for (const ColmapImage& image : images) names.push_back(image.name);
+  const std::vector<std::string> ids = make_camera_ids(names);
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    schemas::CameraGeometry geometry;
+    geometry.id = ids[i];
+    geometry.width = images[i].camera.width;
+    geometry.height = images[i].camera.height;
+    geometry.intrinsics = images[i].camera.intrinsics;
+    geometry.world_from_camera = images[i].world_from_camera;
+    rig.cameras.push_back({std::move(geometry), images[i].name, images[i].place});
+  }
+  return rig;
+}
+
+ExportedRig ColmapFormat::format(const schemas::RigDocument& rig) const {
+  std::string cameras = "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n";
+  std::string images =
+      "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then the image's points: none\n";
+  int number = 0;
+  for (const schemas::RigDocument::Camera& entry : rig.cameras) {
+    const schemas::CameraGeometry& camera = entry.geometry;
+    ++number;
+    cameras += fmt::format("{} {}\n", number, colmap_camera_line(camera));
+    const rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
+    const Eigen::Matrix3d rotation = opencv_camera_from_world_rotation(pose);
+    const Eigen::Quaterniond q = Eigen::Quaterniond(rotation).normalized();
+    const Eigen::Vector3d t = -(q.toRotationMatrix() * pose.position);
+    images += fmt::format("{} {} {} {} {} {} {} {} {} {}.jpg\n\n", number, q.w(), q.x(), q.y(),
+                          q.z(), t.x(), t.y(), t.z(), number, camera.id);
+  }
+  return {{{"cameras.txt", std::move(cameras)},
+           {"images.txt", std::move(images)},
+           {"points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]: none\n"}},
+          losses_of(rig, {})};
+}
+
+}  // namespace
+
+const RigFormat& colmap_format() {
+  static const ColmapFormat kFormat;
+  return kFormat;
+}
+
+}  // namespace raystage::ingest

@@ -23,26 +23,34 @@ struct RigExport {
   std::string format;
 };
 
-schemas::RigDocument read_exported_rig(const std::filesystem::path& path) {
+bool is_folder(const std::filesystem::path& path) {
   std::error_code ignored;
-  return std::filesystem::is_directory(path, ignored)
-             ? schemas::read_rig(ContainedPath{path, "rig.json"})
-             : schemas::read_rig(path);
+  return std::filesystem::is_directory(path, ignored);
+}
+
+/// Throws Error (bad input) if a file would replace the rig.
+void check_not_the_rig(const std::filesystem::path& file, const std::filesystem::path& rig) {
+  std::error_code ignored;
+  if (!std::filesystem::equivalent(file, is_folder(rig) ? rig / "rig.json" : rig, ignored)) return;
+  throw Error::bad_input("the file would replace the rig that it is made of", file.string(),
+                         "Give another file");
 }
 
 ExitCode export_rig(const RigExport& options) {
   const ingest::RigFormat& format = ingest::rig_format(options.format);
-  const schemas::RigDocument rig = read_exported_rig(options.rig);
+  const schemas::RigDocument rig = is_folder(options.rig)
+                                       ? schemas::read_rig(ContainedPath{options.rig, "rig.json"})
+                                       : schemas::read_rig(options.rig);
   const ingest::ExportedRig exported = format.format(rig);
   const bool one_file = exported.files.size() == 1;
-  std::error_code ignored;
-  if (one_file && std::filesystem::equivalent(options.output, options.rig, ignored)) {
-    throw Error::bad_input("the file would replace the rig that it is made of",
-                           options.output.string(), "Give another file");
-  }
   if (!one_file) create_folder(options.output);
+  const auto path_of = [&](const ingest::NamedText& file) {
+    return one_file ? options.output : options.output / file.name;
+  };
+  for (const ingest::NamedText& file : exported.files)
+    check_not_the_rig(path_of(file), options.rig);
   for (const ingest::NamedText& file : exported.files) {
-    write_file_atomically(one_file ? options.output : options.output / file.name, file.text);
+    write_file_atomically(path_of(file), file.text);
   }
   for (const std::string& note : exported.notes) print_error("note: {}\n", note);
   print("{}: {} cameras, {}\n", options.output.string(), rig.cameras.size(), format.description());

@@ -122,7 +122,7 @@ void write_rig_only(const schemas::ImportManifest& manifest, const std::filesyst
   }
   const schemas::RigDocument rig = ingest::rig_of(manifest);
   schemas::write_rig(rig, file);
-  print("{}: a rig of {} cameras\n", file.string(), rig.cameras.size());
+  print("{}: a rig with {} cameras\n", file.string(), rig.cameras.size());
 }
 
 ExitCode run(const Options& options, std::stop_token stop) {

@@ -11,10 +11,9 @@
 #include <numbers>
 
 #include "base/error.h"
-#include "ingest/colmap_model.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
-#include "ingest/nerf_transforms.h"
+#include "ingest/rig_formats/camera_ids.h"
 #include "rig/pose.h"
 #include "store/take.h"
 #include "testing/ingest/import_test_data.h"
@@ -118,8 +117,8 @@ TEST_F(Colmap, ReadsEveryCameraModel) {
   for (const char* name : {"a", "b b", "c", "d", "e"}) {
     write_jpeg(fmt::format("m/images/{}.jpg", name));
   }
-  const ImportSource source =
-      open("m/cameras.txt", {.images = {}, .epoch_utc = 77, .nominal_fps = 12});
+  const ImportSource source = open(
+      "m/cameras.txt", {.images = {}, .epoch_utc = 77, .nominal_fps = 12, .has_pictures = true});
   const schemas::ImportManifest& manifest = source.manifest;
   EXPECT_EQ(manifest.name, "m");
   EXPECT_EQ(manifest.epoch_utc, 77);
@@ -164,7 +163,7 @@ TEST_F(Colmap, BadModelsAreRefusedByLine) {
     const char* message;
   };
   for (const Case& c :
-       {Case{"\n7 FULL_OPENCV 48 40 1 1 1 1 0 0 0 0 0 0 0 0\n", kImages, "cameras.txt:2"},
+       {Case{"\n7 FULL_OPENCV 48 40 1 1 1 1 0 0 0 0 0 0.1 0 0\n", kImages, "cameras.txt:2"},
         Case{"7 FISHEYE 1 1 1\n", kImages, "FISHEYE is not supported"},
         Case{"7 PINHOLE 48 40 50 51 24\n", kImages, "camera parameter is missing"},
         Case{"7 PINHOLE 48 40 50 51 24 20 1\n", kImages, "more parameters than PINHOLE has"},
@@ -255,7 +254,7 @@ TEST_F(Nerf, AUniformScaleIsRemoved) {
 TEST_F(Nerf, ImagesMayBeElsewhere) {
   write_jpeg("other/train/r_0.jpg");
   write_jpeg("other/train/r_1.jpg");
-  const auto manifest = read({.images = folder_.path() / "other", .epoch_utc = 0});
+  const auto manifest = read({.images = folder_.path() / "other"});
   EXPECT_THAT(manifest.cameras[0].frames[0].file, HasSubstr("other"));
 }
 
@@ -280,8 +279,10 @@ TEST_F(Nerf, BadModelsAreRefusedAtThePlace) {
            {"/camera_angle_x", 0, "#/camera_angle_x: found 0"},
            {"/camera_angle_x", 4, "#/camera_angle_x: found 4"},
            {"/frames/1/fl_x", -1, "#/frames/1/fl_x: found -1"},
-           {"/camera_model", "OPENCV_FISHEYE", "#/camera_model: found \"OPENCV_FISHEYE\""},
-           {"/is_fisheye", true, "#/is_fisheye: found true"}}) {
+           {"/camera_model", "EQUIRECTANGULAR", "#/camera_model: found \"EQUIRECTANGULAR\""},
+           {"/camera_model", "OPENCV_FISHEYE", "#/frames/0: a fisheye needs \"fl_x\""},
+           {"/is_fisheye", true, "#/frames/0: a fisheye needs \"fl_x\""},
+           {"/k4", 0.1, "#/frames/0: found \"k4\" 0.1"}}) {
     document_ = whole;
     document_[json::json_pointer(c.pointer)] = c.value;
     EXPECT_THAT(refused(), HasSubstr(c.message));
@@ -298,8 +299,7 @@ TEST_F(ImportSources, AreToldByTheirContents) {
   schemas::write_import_manifest(manifest, folder_.path() / "anything.txt");
   EXPECT_EQ(open("anything.txt").manifest.name, "test");
   EXPECT_EQ(open("anything.txt").base, folder_.path());
-  EXPECT_THAT(refusal("anything.txt", {.images = "x", .epoch_utc = 0}),
-              HasSubstr("folder of images"));
+  EXPECT_THAT(refusal("anything.txt", {.images = "x"}), HasSubstr("folder of images"));
   schemas::write_import_manifest(manifest, folder_.path() / "import.json");
   EXPECT_EQ(open("").manifest.name, "test");
 }

@@ -14,10 +14,11 @@ namespace raystage::ingest {
 
 /// Settings of a take that a model of another program does not contain.
 struct ModelImportOptions {
-  std::optional<std::filesystem::path> images;  ///< folder of the pictures; searched if not given
-  Nanoseconds epoch_utc = 0;                    ///< since 1970
+  /// Folder of the pictures; searched if not given.
+  std::optional<std::filesystem::path> images = std::nullopt;
+  Nanoseconds epoch_utc = 0;  ///< since 1970
   /// Frames per second; nullopt: the rate of the movies, or else kDefaultFps.
-  std::optional<double> nominal_fps;
+  std::optional<double> nominal_fps = std::nullopt;
   bool has_pictures = true;  ///< false: only cameras are read, without pictures
   static constexpr double kDefaultFps = 24;
   bool is_valid(std::string* reason) const;

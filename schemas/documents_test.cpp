@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
@@ -437,6 +438,65 @@ TEST(ImportManifest, ARingWithADepthRangeIsRefused) {
       {-1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, -1, 0}, {0, 0, 0, 1}};
   document["depth_range_m"] = {1, 5};
   EXPECT_THAT(refusal("import", document), HasSubstr("have no mean viewing direction"));
+}
+
+/// Returns a manifest of eight cameras on a circle of 0.3 m in the plane y = 0 that look outwards.
+json outward_ring() {
+  json document = good("import");
+  document["schema"] = "raystage/import/2";
+  json cameras = json::array();
+  for (int i = 0; i < 8; ++i) {
+    json member = document["cameras"][0];
+    const double angle = i * std::numbers::pi / 4, c = std::cos(angle), s = std::sin(angle);
+    member["id"] = "ring" + std::to_string(i);
+    // -z of the camera is (s, 0, -c).
+    member["world_from_camera"] = {
+        {c, 0, -s, 0.3 * s}, {0, 1, 0, 0}, {s, 0, c, -0.3 * c}, {0, 0, 0, 1}};
+    cameras.push_back(member);
+  }
+  document["cameras"] = cameras;
+  return document;
+}
+
+TEST(ImportManifest, CamerasThatLookOutwardsMayHaveADepthRange) {
+  json document = outward_ring();
+  document["depth_range_m"] = {1, 5};
+  EXPECT_EQ(refusal("import", document), "accepted");
+  for (std::size_t i = 0; i < 4; ++i) document["cameras"].erase(0);  // half a ring
+  EXPECT_EQ(refusal("import", document), "accepted");
+  document["depth_range_m"] = {0.2, 5};
+  EXPECT_THAT(
+      refusal("import", outward_ring().patch(json::array(
+                            {{{"op", "add"}, {"path", "/depth_range_m"}, {"value", {0.2, 5}}}}))),
+      AllOf(HasSubstr("camera \"ring0\" is 0.3 m in front"), HasSubstr("0.2 m")));
+}
+
+TEST(ImportManifest, FisheyesMayLookBackWithADepthRange) {
+  json document = good("import");
+  document["schema"] = "raystage/import/2";
+  document["cameras"].push_back(camera("c", 0.2));
+  document["cameras"][2]["frames"] = document["cameras"][0]["frames"];
+  document["cameras"][2]["world_from_camera"] = {
+      {1, 0, 0, 0.2}, {0, -1, 0, 0}, {0, 0, -1, 0}, {0, 0, 0, 1}};
+  document["depth_range_m"] = {1, 5};
+  EXPECT_THAT(refusal("import", document), HasSubstr("OpenCV"));
+  for (json& member : document["cameras"]) {
+    member["intrinsics"] = {
+        {"fx", 30}, {"fy", 30}, {"cx", 16}, {"cy", 12}, {"projection", "fisheye"}};
+  }
+  EXPECT_EQ(refusal("import", document), "accepted");
+}
+
+TEST(ImportManifest, MoviesWithoutTimesNeedVersion2) {
+  json document = good("import");
+  const auto written_version = [&] {
+    return json::parse(rewritten("import", document.dump())).at("schema").get<std::string>();
+  };
+  document["cameras"][1].erase("frames");
+  document["cameras"][1].update({{"movie", "b.mp4"}, {"times_ns", {1, 2}}});
+  EXPECT_EQ(written_version(), "raystage/import/1");
+  document["cameras"][1].erase("times_ns");
+  EXPECT_EQ(written_version(), "raystage/import/2");
 }
 
 TEST(RigDocument, FisheyesAndRollingShuttersNeedVersion2) {

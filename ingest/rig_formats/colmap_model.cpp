@@ -169,6 +169,11 @@ void approximate_fov(ColmapCamera& camera, double omega, const LineReader& lines
   }
   const FovApproximation fisheye =
       approximate_fov_lens(lens.fx, lens.fy, lens.cx, lens.cy, omega, camera.width, camera.height);
+  if (!std::isfinite(fisheye.max_error_px)) {
+    throw lines.refuse(
+        "the camera model FOV is approximated by a fisheye, and none reaches the corners of this "
+        "picture; undistort the images with colmap image_undistorter");
+  }
   if (!(fisheye.max_error_px < kLargestError)) {
     throw lines.refuse(fmt::format(
         "the camera model FOV is approximated by a fisheye, which would be {:.3g} px off here, "

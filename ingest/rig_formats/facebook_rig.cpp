@@ -60,6 +60,21 @@ constexpr const char* kFacebookSchema = R"({
                              "items": {"$ref": "#/$defs/camera"}}}
 })";
 
+/// Some files are a single camera: the prototype of a rig.
+bool is_single_camera(const json& document) {
+  return document.is_object() && !document.contains("cameras") && document.contains("origin");
+}
+
+void check_facebook_schema(const json& document, std::string_view name) {
+  json schema = json::parse(kFacebookSchema);
+  if (is_single_camera(document)) {
+    json camera = schema["$defs"]["camera"];
+    camera["$defs"] = schema["$defs"];
+    schema = std::move(camera);
+  }
+  schemas::SchemaValidator(std::move(schema)).validate(document, name);
+}
+
 struct FacebookType {
   std::string_view name;
   Projection projection;
@@ -126,8 +141,9 @@ class FacebookRigFormat : public RigFormat {
     return {"", "color", "video/color", "../color", "../video/color"};  // PROJECT/rigs/rig.json
   }
   bool matches(const JsonOutline& outline) const override {
-    return !outline.is_list && outline.has("cameras") && !outline.has("schema") &&
-           !outline.has("frames");
+    const bool rig = outline.has("cameras") && !outline.has("frames");
+    const bool camera = outline.has("origin") && outline.has("forward");
+    return !outline.is_list && !outline.has("schema") && (rig || camera);
   }
   ForeignRig parse(std::span<const NamedText> files,
                    const PictureSizeReader& size_of_picture) const override;
@@ -167,13 +183,15 @@ ForeignRig FacebookRigFormat::parse(std::span<const NamedText> files,
                                     const PictureSizeReader& /*size_of_picture*/) const {
   const std::string& name = files[0].name;
   const json document = schemas::parse_json(files[0].text, name);
-  schemas::SchemaValidator(json::parse(kFacebookSchema)).validate(document, name);
+  check_facebook_schema(document, name);
+  const bool single = is_single_camera(document);
+  const std::size_t count = single ? 1 : document["cameras"].size();
   ForeignRig rig;
   std::set<std::string> seen;
   std::size_t ignored_angles = 0;
-  for (std::size_t i = 0; i < document["cameras"].size(); ++i) {
-    const json& camera = document["cameras"][i];
-    const std::string pointer = schemas::append_json_pointer("/cameras", i);
+  for (std::size_t i = 0; i < count; ++i) {
+    const json& camera = single ? document : document["cameras"][i];
+    const std::string pointer = single ? "" : schemas::append_json_pointer("/cameras", i);
     rig.cameras.push_back(
         {.geometry = facebook_camera(camera, name, pointer), .place = name + "#" + pointer});
     const std::string& id = rig.cameras.back().geometry.id;

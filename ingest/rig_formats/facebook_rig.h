@@ -6,7 +6,7 @@
 namespace raystage::ingest {
 
 /// Returns the format of facebook360_dep and Surround360: rig.json, a list of cameras with lenses
-/// of type FTHETA, RECTILINEAR, EQUISOLID or ORTHOGRAPHIC, in metres.
+/// of type FTHETA, RECTILINEAR, EQUISOLID or ORTHOGRAPHIC, in metres; or a single such camera.
 ///
 /// A camera's axes right, up and forward are those of ours; they may be off by 1e-3 and are made
 /// orthonormal. `fov` is half_angle, which RECTILINEAR has not: it is ignored there, with a note.

@@ -170,7 +170,7 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
                                "libraries: FFmpeg [^\n]+\ncompiler: [^\n]+\n"));
   for (const char* command :
        {"record", "join", "import", "simulate", "sync", "info", "verify", "repair", "render",
-        "prepare", "farm", "camera", "evaluate", "bench", "preview", "plan"}) {
+        "prepare", "farm", "camera", "evaluate", "bench", "preview", "plan", "export"}) {
     SCOPED_TRACE(command);
     EXPECT_EQ(run(std::string("raystage ") + command + " --no-such-option").exit_code, 2);
     EXPECT_EQ(run(std::string("raystage ") + command).exit_code, 2);
@@ -181,7 +181,7 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
     // For farm, its sub-commands have the option.
     const std::string name = command;
     const bool has_no_progress =
-        name == "info" || name == "camera" || name == "farm" || name == "plan";
+        name == "info" || name == "camera" || name == "farm" || name == "plan" || name == "export";
     EXPECT_EQ(help.out.find("-q,--quiet") == std::string::npos, has_no_progress);
     EXPECT_THAT(run("raystage --help").out, HasSubstr(command));
     EXPECT_EQ(run(std::string("raystage ") + command + " --version").out, version.out);

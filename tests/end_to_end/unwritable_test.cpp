@@ -149,6 +149,9 @@ INSTANTIATE_TEST_SUITE_P(
                 "raystage simulate -o out/new --rows 1 --columns 2 --width 32 --height 24 "
                 "--seconds 1 --truth-views 1 --truth-samples 1",
                 "out/new", false},
+        Writing{"import_rig", "raystage import import.json --rig-only -o out/rig.json",
+                "out/rig.json", false},
+        Writing{"export_rig", "raystage export rig take --format nerf -o out/t.json", "out/t.json"},
         Writing{"sync", "raystage sync take", "take/timeline.zst"},
         Writing{"render",
                 "raystage render shot.json -o out/s.####.exr --frames 1 --existing overwrite",

@@ -288,9 +288,15 @@ void print_json(const store::Take& take, const store::TakeSummary& summary) {
   print("{}\n", json.dump(2));
 }
 
-ExitCode info(const std::string& folder, bool json) {
+/// Returns whether a path is a document other than that of a take, which names the folder better.
+bool is_rig_file(const std::filesystem::path& path) {
   std::error_code ignored;
-  if (std::filesystem::is_regular_file(folder, ignored)) return info_of_rig(folder, json);
+  return std::filesystem::is_regular_file(path, ignored) && path.extension() == ".json" &&
+         path.filename() != "take.json";
+}
+
+ExitCode info(const std::string& folder, bool json) {
+  if (is_rig_file(folder)) return info_of_rig(folder, json);
   const store::Take take(folder);
   const store::TakeSummary summary = store::summarise_take(take);
   (json ? print_json : print_text)(take, summary);

@@ -175,6 +175,14 @@ TEST_F(ArrayImport, ARigNeedsNoPictures) {
             rig.cameras[2].geometry);
 }
 
+TEST_F(ArrayImport, OtherModelsAreFoundNextToARigOfOurs) {
+  write_google_models(1);
+  write_jpeg("camera_0001.jpg");
+  schemas::write_rig(rig_of(open("models.json").manifest), folder_.path() / "rig.json");
+  EXPECT_EQ(open("").manifest.cameras.at(0).geometry.id, "camera_0001");
+  EXPECT_THAT(refusal("rig.json"), HasSubstr("rig.json#/schema"));
+}
+
 TEST_F(ArrayImport, MissingPicturesAreRefusedAtTheCamera) {
   write_rig("rig.json", 2);
   EXPECT_THAT(refusal("rig.json"),

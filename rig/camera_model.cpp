@@ -4,6 +4,7 @@
 // outputs: pixels or rays.
 #include "rig/camera_model.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>

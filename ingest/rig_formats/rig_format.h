@@ -85,7 +85,8 @@ class RigFormat {
   virtual ExportedRig format(const schemas::RigDocument& rig) const = 0;
 };
 
-/// Returns all formats; they live until the program ends.
+/// Returns all formats, in the order in which folders are searched; they live until the program
+/// ends.
 std::span<const RigFormat* const> rig_formats();
 /// Returns the format of this name. Throws std::logic_error if there is none.
 const RigFormat& rig_format(std::string_view name);

@@ -16,8 +16,9 @@ bool JsonOutline::has(std::string_view key) const {
 }
 
 std::span<const RigFormat* const> rig_formats() {
+  // Folders are searched in this order. A rig.json may also be one of ours, next to another model.
   static const std::array<const RigFormat*, 4> kFormats{
-      &facebook_rig_format(), &google_models_format(), &colmap_format(), &nerf_format()};
+      &colmap_format(), &nerf_format(), &google_models_format(), &facebook_rig_format()};
   return kFormats;
 }
 

@@ -31,7 +31,8 @@ struct ColmapCamera {
 };
 
 /// The parameters of a camera model in their order (colmap/src/colmap/sensor/models.h): focal
-/// lengths, principal point, then distortion by the names of ours, "0" for one that must be 0.
+/// lengths, principal point, then distortion, a letter each: 1 to 4 for k1 to k4, p and q for p1
+/// and p2, w for omega, 0 for a coefficient that our models lack.
 struct ColmapCameraModel {
   std::string_view name;
   schemas::Projection projection;
@@ -40,7 +41,6 @@ struct ColmapCameraModel {
 };
 constexpr auto kPinholeLens = schemas::Projection::kPinhole;
 constexpr auto kFisheyeLens = schemas::Projection::kFisheye;
-// Digits: k1 ... k4; p, q: p1, p2; w: omega.
 constexpr std::array<ColmapCameraModel, 11> kColmapModels{{
     {"SIMPLE_PINHOLE", kPinholeLens, true, ""},
     {"PINHOLE", kPinholeLens, false, ""},

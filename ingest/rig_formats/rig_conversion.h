@@ -3,9 +3,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <set>
-#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/error.h"
@@ -18,10 +17,11 @@ namespace raystage::ingest {
 /// by the nearest rotation. Otherwise `problem` states what they are, and what is allowed.
 bool make_rotation(Eigen::Matrix3d& axes, double tolerance, std::string& problem);
 
-/// Returns the pose of a camera that looks along +z with y down, of OpenCV and COLMAP:
-/// x_in_camera = rotation * x_in_world + translation, and back.
+/// Returns the pose of a camera that looks along +z with y down, as in OpenCV and COLMAP:
+/// x_in_camera = rotation * (x_in_world - position).
 rig::Pose pose_from_opencv(const Eigen::Matrix3d& camera_from_world_rotation,
                            const Eigen::Vector3d& position);
+/// Returns that rotation of a pose.
 Eigen::Matrix3d opencv_camera_from_world_rotation(const rig::Pose& pose);
 
 /// Returns the error of a camera whose lens a format cannot hold.

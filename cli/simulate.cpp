@@ -111,6 +111,10 @@ void add_time_options(CommandLine command, Options& o) {
   command.option("--startup-loss-seconds", s.startup_loss_s,
                  "Frames before this time are dropped, seconds, at most the take's duration");
   command.option("--drop", s.drop_probability, "Probability that a later frame is dropped, 0-0.99");
+  command.option("--line-time-us", s.line_time_us,
+                 "Rolling shutter: time from the exposure of a row to that of the row below, "
+                 "microseconds; negative = from the bottom up; 0 = global shutter. The rows of a "
+                 "frame take at most a frame time");
 }
 
 void add_picture_options(CommandLine command, Options& o) {

@@ -96,7 +96,7 @@ Rig rig_from_document(const schemas::RigDocument& document) {
     }
     rig.cameras.push_back({geometry.id, CameraModel(geometry),
                            pose_from_matrix(geometry.world_from_camera), camera.photometric,
-                           geometry.row, geometry.column});
+                           geometry.row, geometry.column, geometry.line_time_us});
   }
   return rig;
 }

@@ -20,6 +20,7 @@ struct Rig {
     Pose pose;
     schemas::PhotometricResponse photometric;
     std::optional<int> row, column;
+    double line_time_us = 0;  ///< as CameraGeometry::line_time_us; see rig/row_times.h
   };
   std::string topology_kind = "auto";  ///< as in rig.json: "auto" | "grid" | "delaunay"
   std::vector<Camera> cameras;

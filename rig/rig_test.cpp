@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "rig/row_times.h"
 
 namespace raystage::rig::rig_test {
 namespace {
@@ -121,6 +122,22 @@ TEST(Rig, BestFocalDepthAtTheEndsOfDoubles) {
 Rig moved(Rig rig, const Eigen::Vector3d& by) {
   for (Rig::Camera& camera : rig.cameras) camera.pose.position += by;
   return rig;
+}
+
+TEST(Rig, RowTimesCountFromTheMiddleOfThePicture) {
+  schemas::RigDocument document;
+  schemas::CameraGeometry camera;
+  camera.id = "a";
+  camera.width = camera.height = 8;
+  camera.line_time_us = -12.5;
+  document.cameras.push_back({camera, {}});
+  const double line_time_us = rig_from_document(document).cameras[0].line_time_us;
+  EXPECT_EQ(line_time_us, -12.5);
+  EXPECT_EQ(row_time_ns(line_time_us, 8, 4), 0);
+  EXPECT_EQ(row_time_ns(line_time_us, 8, 0.5), 43'750) << "from the bottom up: the top row is last";
+  EXPECT_EQ(row_time_ns(line_time_us, 8, 7.5), -43'750);
+  EXPECT_EQ(row_time_ns(0, 8, 7.5), 0);
+  EXPECT_DOUBLE_EQ(read_out_ms(line_time_us, 8), 0.1);
 }
 
 TEST(Rig, FarFromTheWorldsOriginItIsTheSame) {

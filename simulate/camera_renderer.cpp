@@ -18,6 +18,7 @@
 namespace raystage::simulate {
 namespace {
 
+using Eigen::Vector2f;
 using Eigen::Vector3f;
 
 constexpr int kTile = 16;
@@ -70,89 +71,80 @@ float UnlitSphere::distance(const Ray& ray) const {
   return front > 0 ? front : kMiss;
 }
 
-PixelRays::PixelRays(const rig::CameraModel& model, const rig::Pose& pose)
-    : width_(model.width()),
-      height_(model.height()),
-      footprint_(static_cast<float>(2 / (model.intrinsics().fx + model.intrinsics().fy))),
-      world_from_camera_(pose.world_from_camera_rotation.cast<float>()),
-      position_(pose.position.cast<float>()),
-      in_camera_(width_ + 2, height_ + 2) {
-  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-  for (int row = -1; row <= height_; ++row) {
-    for (int column = -1; column <= width_; ++column) {
-      const auto ray = model.unproject({column + 0.5, row + 0.5});
-      in_camera_.at(column + 1, row + 1) =
-          ray ? Vector3f(ray->cast<float>()) : Vector3f(kNone, kNone, kNone);
+void CameraRenderer::begin_centres(const PixelRays& rays, LinearImage& image) {
+  image.width = rays.width();
+  image.height = rays.height();
+  const std::size_t count =
+      static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
+  image.light.assign(count, Vector3f::Zero());
+  image.centre.assign(count, LightSample{});
+  is_dynamic_.assign(count, 0);
+}
+
+void CameraRenderer::add_pixel(const PixelRays& rays, int column, int row) {
+  if (column >= rays.width() || row >= rays.height() || !rays.has_ray(column, row)) return;
+  const auto width = static_cast<std::size_t>(rays.width());
+  pixels_.push_back(
+      {column, row, static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column)});
+}
+
+std::size_t CameraRenderer::sample_centres(const World& world, const PixelRays& rays,
+                                           std::size_t start, StaticSampleCache& cache,
+                                           LinearImage& image) {
+  const std::size_t size = pixels_.size();
+  const bool is_first_time = cache.centres_.size() < start + size;
+  if (is_first_time) {
+    for (const Pixel& pixel : pixels_) {
+      cache.rays_.push_back(rays.ray(pixel.column, pixel.row, 0.5F, 0.5F));
     }
+    cache.centres_.resize(start + size);
   }
-}
-
-bool PixelRays::has_ray(int column, int row) const {
-  return !std::isnan(in_camera(column, row).x());
-}
-
-Ray PixelRays::ray(int column, int row, float x, float y) const {
-  Vector3f towards = in_camera(column, row);
-  // Interpolates with the slope between pixel centres. The error is below 1e-3 px for real lenses.
-  const auto step = [&](const Vector3f& before, const Vector3f& after) -> Vector3f {
-    if (std::isnan(before.x())) return after - towards;
-    if (std::isnan(after.x())) return towards - before;
-    return (after - before) / 2;
-  };
-  if (x != 0.5F || y != 0.5F) {
-    const Vector3f across = step(in_camera(column - 1, row), in_camera(column + 1, row));
-    const Vector3f down = step(in_camera(column, row - 1), in_camera(column, row + 1));
-    towards += across * (x - 0.5F) + down * (y - 0.5F);
+  const auto batch = std::span(cache.rays_).subspan(start, size);
+  const auto still = std::span(cache.centres_).subspan(start, size);
+  if (is_first_time) radiance_.sample_static(world, batch, rays.footprint(), still);
+  samples_.resize(size);
+  static_.clear();
+  for (const StaticSample& sample : still) static_.push_back(&sample);
+  radiance_.sample(world, batch, rays.footprint(), static_, samples_);
+  for (std::size_t i = 0; i < size; ++i) {
+    const std::size_t at = pixels_[i].index;
+    const LightSample& sample = samples_[i];
+    image.centre[at] = sample;
+    image.light[at] = sample.light.cwiseMin(1);
+    is_dynamic_[at] = sample.part != still[i].part ||
+                      sample.reflected_part != still[i].reflected_part ||
+                      sample.lit == still[i].lamp.isZero(0);
   }
-  return {position_, world_from_camera_ * towards.normalized()};
+  return start + size;
 }
 
 void CameraRenderer::render_centres(const World& world, const PixelRays& rays,
                                     StaticSampleCache& cache, LinearImage& image) {
-  image.width = rays.width();
-  image.height = rays.height();
-  const auto width = static_cast<std::size_t>(image.width);
-  const std::size_t count = width * static_cast<std::size_t>(image.height);
-  image.light.assign(count, Vector3f::Zero());
-  image.centre.assign(count, LightSample{});
-  is_dynamic_.assign(count, 0);
-  const bool first_time = cache.centres_.empty();
+  begin_centres(rays, image);
   std::size_t start = 0;
   for (int top = 0; top < image.height; top += kTile) {
     for (int left = 0; left < image.width; left += kTile) {
       pixels_.clear();
       for (int block = 0; block < 16; ++block) {
         for (int i = 0; i < 16; ++i) {
-          const int column = left + 4 * (block % 4) + i % 4, row = top + 4 * (block / 4) + i / 4;
-          if (column >= image.width || row >= image.height || !rays.has_ray(column, row)) continue;
-          pixels_.push_back(
-              {column, row,
-               static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column)});
-          if (first_time) cache.rays_.push_back(rays.ray(column, row, 0.5F, 0.5F));
+          add_pixel(rays, left + 4 * (block % 4) + i % 4, top + 4 * (block / 4) + i / 4);
         }
       }
-      const std::size_t size = pixels_.size();
-      const auto batch = std::span(cache.rays_).subspan(start, size);
-      if (first_time) {
-        cache.centres_.resize(start + size);
-        radiance_.sample_static(world, batch, rays.footprint(),
-                                std::span(cache.centres_).subspan(start, size));
-      }
-      const auto still = std::span(cache.centres_).subspan(start, size);
-      samples_.resize(size);
-      static_.clear();
-      for (const StaticSample& sample : still) static_.push_back(&sample);
-      radiance_.sample(world, batch, rays.footprint(), static_, samples_);
-      for (std::size_t i = 0; i < size; ++i) {
-        const std::size_t at = pixels_[i].index;
-        const LightSample& sample = samples_[i];
-        image.centre[at] = sample;
-        image.light[at] = sample.light.cwiseMin(1);
-        is_dynamic_[at] = sample.part != still[i].part ||
-                          sample.reflected_part != still[i].reflected_part ||
-                          sample.lit == still[i].lamp.isZero(0);
-      }
-      start += size;
+      start = sample_centres(world, rays, start, cache, image);
+    }
+  }
+}
+
+void CameraRenderer::render_rows(World& world, const Exposure& exposure, const PixelRays& rays,
+                                 StaticSampleCache& cache, LinearImage& image) {
+  begin_centres(rays, image);
+  std::size_t start = 0;
+  for (int row = 0; row < image.height; ++row) {
+    world.set_time(exposure.seconds_of_row(row, image.height));
+    for (int left = 0; left < image.width; left += static_cast<int>(kBatch)) {
+      pixels_.clear();
+      for (int i = 0; i < static_cast<int>(kBatch); ++i) add_pixel(rays, left + i, row);
+      start = sample_centres(world, rays, start, cache, image);
     }
   }
 }
@@ -315,23 +307,48 @@ void CameraRenderer::find_edges(const LinearImage& image, const PixelRays& rays)
   }
 }
 
-void CameraRenderer::render(const World& world, const PixelRays& rays, int edge_samples,
-                            StaticSampleCache& cache, LinearImage& image) {
-  render_centres(world, rays, cache, image);
-  if (edge_samples <= 1) return;
+void CameraRenderer::supersample_edges(const World& world, const PixelRays& rays, int edge_samples,
+                                       StaticSampleCache& cache, LinearImage& image) {
   if (cache.block_of_.empty()) {
     constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
     cache.block_of_.assign(image.light.size(), -1);
     cache.supersampled_.assign(image.light.size(), Vector3f::Constant(kUnknown));
   }
   find_edges(image, rays);
-  supersample(world, rays, pixels_, edge_samples, &cache, image);
   const std::vector<Pixel> known = static_pixels_;
   std::erase_if(static_pixels_, [&](const Pixel& pixel) {
     return !std::isnan(cache.supersampled_[pixel.index].x());
   });
   supersample_static(world, rays, static_pixels_, edge_samples, cache);
   for (const Pixel& pixel : known) image.light[pixel.index] = cache.supersampled_[pixel.index];
+}
+
+void CameraRenderer::render(const World& world, const PixelRays& rays, int edge_samples,
+                            StaticSampleCache& cache, LinearImage& image) {
+  render_centres(world, rays, cache, image);
+  if (edge_samples <= 1) return;
+  supersample_edges(world, rays, edge_samples, cache, image);
+  supersample(world, rays, pixels_, edge_samples, &cache, image);
+}
+
+void CameraRenderer::render(World& world, const Exposure& exposure, const PixelRays& rays,
+                            int edge_samples, StaticSampleCache& cache, LinearImage& image) {
+  if (exposure.is_global()) {
+    world.set_time(exposure.seconds);
+    render(world, rays, edge_samples, cache, image);
+    return;
+  }
+  render_rows(world, exposure, rays, cache, image);
+  if (edge_samples <= 1) return;
+  supersample_edges(world, rays, edge_samples, cache, image);
+  std::ranges::stable_sort(pixels_, {}, &Pixel::row);
+  for (auto row = pixels_.begin(); row != pixels_.end();) {
+    const auto end =
+        std::ranges::find_if(row, pixels_.end(), [&](const Pixel& p) { return p.row != row->row; });
+    world.set_time(exposure.seconds_of_row(row->row, image.height));
+    supersample(world, rays, std::span(row, end), edge_samples, &cache, image);
+    row = end;
+  }
 }
 
 void CameraRenderer::render_supersampled(const World& world, const PixelRays& rays, int samples,

@@ -2,52 +2,16 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <span>
 #include <vector>
 
-#include "base/image.h"
-#include "rig/camera_model.h"
-#include "rig/pose.h"
+#include "rig/row_times.h"
+#include "simulate/pixel_rays.h"
 #include "simulate/radiance_sampler.h"
 
 namespace raystage::simulate {
-
-/// Computes the ray of every pixel of a camera once. Coordinates: world, metres.
-class PixelRays {
- public:
-  explicit PixelRays(const rig::CameraModel& model, const rig::Pose& pose);
-
-  int width() const { return width_; }
-  int height() const { return height_; }
-  /// Returns false where the distortion model maps no ray to the pixel (see CameraModel's fold).
-  bool has_ray(int column, int row) const;
-  /// Returns the ray through position (x, y) of the pixel, each in [0, 1); the centre is 0.5.
-  Ray ray(int column, int row, float x, float y) const;
-  /// Returns the part of a distance along the ray through a pixel's centre that is along the
-  /// optical axis.
-  float forward_share(int column, int row) const {
-    const Eigen::Vector3f& towards = in_camera(column, row);
-    return -towards.z() / towards.norm();
-  }
-  /// Returns the width of a pixel at a distance of 1 m, in metres.
-  float footprint() const { return footprint_; }
-
- private:
-  const Eigen::Vector3f& in_camera(int column, int row) const {
-    return in_camera_.at(column + 1, row + 1);
-  }
-
-  int width_, height_;
-  float footprint_;
-  Eigen::Matrix3f world_from_camera_;
-  Eigen::Vector3f position_;
-  /// Rays at pixel centres as CameraModel::unproject() scales them, with a border of 1 pixel; NaN:
-  /// there is none.
-  Image<Eigen::Vector3f> in_camera_;
-};
 
 /// A ball of one colour that neither receives light nor casts shadows, for composites: a renderer
 /// of geometry shows the same.
@@ -78,6 +42,17 @@ struct LinearImage {
   std::vector<PixelSurfaces> surfaces = {};
 };
 
+/// When the rows of a picture are exposed.
+struct Exposure {
+  double seconds = 0;       ///< of the middle of the picture, since the take's epoch
+  double line_seconds = 0;  ///< from a row to the row below; 0: all rows at once
+
+  bool is_global() const { return line_seconds == 0; }
+  double seconds_of_row(int row, int height) const {
+    return seconds + rig::row_time(line_seconds, height, row + 0.5);
+  }
+};
+
 /// Keeps a camera's samples of static parts between frames. Saves time and changes no image.
 class StaticSampleCache {
  public:
@@ -102,8 +77,13 @@ class CameraRenderer {
   /// Takes `edge_samples` (a square number) samples in pixels whose neighbours see different
   /// surfaces or shadows, and one elsewhere, as textures are filtered. Detects moving parts at the
   /// pixel centres. `cache` belongs to these rays and this number of samples; it is empty at first.
+  /// Shows the world's present time.
   void render(const World& world, const PixelRays& rays, int edge_samples, StaticSampleCache& cache,
               LinearImage& image);
+  /// Renders each row at its own time, exactly; the world has an undefined time afterwards. `cache`
+  /// belongs also to whether the shutter is global.
+  void render(World& world, const Exposure& exposure, const PixelRays& rays, int edge_samples,
+              StaticSampleCache& cache, LinearImage& image);
   /// Takes `samples` (a square number) samples in every pixel. `spheres`: added to the world,
   /// except to `LinearImage::centre` and `surfaces`.
   void render_supersampled(const World& world, const PixelRays& rays, int samples,
@@ -117,6 +97,20 @@ class CameraRenderer {
   /// Takes one sample per pixel. Sets is_dynamic_ where a moving part or its shadow is seen.
   void render_centres(const World& world, const PixelRays& rays, StaticSampleCache& cache,
                       LinearImage& image);
+  /// As render_centres(), with each row at its own time.
+  void render_rows(World& world, const Exposure& exposure, const PixelRays& rays,
+                   StaticSampleCache& cache, LinearImage& image);
+  /// Prepares an image and `is_dynamic_` for samples at the pixels' centres.
+  void begin_centres(const PixelRays& rays, LinearImage& image);
+  /// Samples the centres of `pixels_`; their rays in the cache begin at `start`, with the number of
+  /// those before them. Returns the end of their rays.
+  std::size_t sample_centres(const World& world, const PixelRays& rays, std::size_t start,
+                             StaticSampleCache& cache, LinearImage& image);
+  /// Adds a pixel to `pixels_`, unless it has no ray.
+  void add_pixel(const PixelRays& rays, int column, int row);
+  /// Supersamples edges that do not move, and finds those that do: pixels_.
+  void supersample_edges(const World& world, const PixelRays& rays, int edge_samples,
+                         StaticSampleCache& cache, LinearImage& image);
   void find_edges(const LinearImage& image, const PixelRays& rays);
   void make_batch(const PixelRays& rays, std::span<const Pixel> group, int samples);
   /// Takes `samples` samples in each of `pixels`. `cache` may be null.

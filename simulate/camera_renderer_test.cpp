@@ -198,6 +198,52 @@ TEST_F(StageImage, QuickPicturesAreLikeCarefulOnes) {
   EXPECT_GT(db, 33);
 }
 
+// Each row is that of a picture with a global shutter at the row's own time.
+TEST_F(StageImage, RollingShutterShowsEachRowAtItsOwnTime) {
+  Shoot& shoot = *shoot_;
+  const PixelRays rays = shoot.rays();
+  for (const double read_out : {0.03, -0.03}) {
+    const Exposure exposure{1.3, read_out / rays.height()};
+    StaticSampleCache rolling_cache, global_cache;
+    LinearImage rolling, global, middle;
+    for (const int times : {1, 2}) {
+      shoot.renderer.render(shoot.world, exposure, rays, 1, rolling_cache, rolling);
+      int changed = 0;
+      shoot.renderer.render(shoot.world, {exposure.seconds, 0}, rays, 1, global_cache, middle);
+      for (const int row : {0, 31, 119, 120, 200, 239}) {
+        const double seconds = exposure.seconds_of_row(row, rays.height());
+        EXPECT_NEAR(seconds, 1.3 + read_out * ((row + 0.5) / 240 - 0.5), 1e-12);
+        shoot.world.set_time(seconds);
+        shoot.renderer.render(shoot.world, rays, 1, global_cache, global);
+        for (int column = 0; column < rays.width(); ++column) {
+          const std::size_t at = static_cast<std::size_t>(row) * 320 + column;
+          EXPECT_EQ(rolling.light[at], global.light[at]) << row << " " << column << " " << times;
+          changed += rolling.light[at] != middle.light[at] ? 1 : 0;
+        }
+      }
+      EXPECT_GT(changed, 50);
+    }
+  }
+}
+
+// Supersampled edges have the time of their row, too: the picture is that of the rows of pictures
+// with a global shutter but for pixels whose neighbours decide about an edge.
+TEST_F(StageImage, RollingShutterHasEdgesOfEachRow) {
+  Shoot& shoot = *shoot_;
+  const PixelRays rays = shoot.rays();
+  const Exposure exposure{1.3, 0.03 / rays.height()};
+  StaticSampleCache rolling_cache, global_cache;
+  LinearImage rolling, global, rows;
+  shoot.renderer.render(shoot.world, exposure, rays, 4, rolling_cache, rolling);
+  rows = rolling;
+  for (int row = 3; row < rays.height(); row += 12) {
+    shoot.world.set_time(exposure.seconds_of_row(row, rays.height()));
+    shoot.renderer.render(shoot.world, rays, 4, global_cache, global);
+    std::copy_n(global.light.begin() + row * 320, 320, rows.light.begin() + row * 320);
+  }
+  EXPECT_GT(psnr(develop(rolling), develop(rows)), 60);
+}
+
 TEST_F(StageImage, MovesWithTime) {
   Shoot& shoot = *shoot_;
   const int ball = shoot.part("beach ball");

@@ -13,7 +13,7 @@ namespace raystage::simulate {
 /// each frame. Times are in nanoseconds since the take's epoch.
 struct ExposureSchedule {
   struct Frame {
-    Nanoseconds true_time = 0;     ///< middle of the exposure
+    Nanoseconds true_time = 0;     ///< middle of the exposure, of the picture's middle row
     Nanoseconds stamped_time = 0;  ///< by the clock of the camera's node
     store::FrameStatus status = store::FrameStatus::kStored;
   };

@@ -202,8 +202,9 @@ class Simulation {
         archive.append_missing(frame.status, frame.stamped_time);
       } else {
         check_stop(loop);
-        worker.world.set_time(seconds_of(frame.true_time));
-        worker.renderer.render(worker.world, rays, options_.edge_samples, cache, worker.image);
+        const Exposure exposure{seconds_of(frame.true_time), options_.line_time_us * 1e-6};
+        worker.renderer.render(worker.world, exposure, rays, options_.edge_samples, cache,
+                               worker.image);
         const store::RgbImage picture = developer.develop(
             worker.image,
             hash_keys({options_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));

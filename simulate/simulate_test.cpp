@@ -77,6 +77,32 @@ TEST(Simulate, SameBytesForAnyNumberOfThreads) {
   }
 }
 
+// The take and the truth state the line time, a nominal calibration does not know it.
+TEST(Simulate, StatesTheLineTimeOfARollingShutter) {
+  const testing::TestFolder folder;
+  SimulationOptions options = small_options();
+  options.line_time_us = 400;
+  simulate(options, folder.path() / "true", "test");
+  options.nominal_calibration = true;
+  simulate(options, folder.path() / "nominal", "test");
+  EXPECT_EQ(store::Take(folder.path() / "true").rig().cameras[2].line_time_us, 400);
+  EXPECT_EQ(store::Take(folder.path() / "nominal").rig().cameras[2].line_time_us, 0);
+  const auto truth = nlohmann::json::parse(read_file(folder.path() / "nominal/truth.json"));
+  EXPECT_EQ(truth.at("settings").at("line_time_us"), 400);
+  EXPECT_EQ(truth.at("rig").at("cameras").at(0).at("line_time_us"), 400);
+  EXPECT_FALSE(truth.at("nominal_rig").at("cameras").at(0).contains("line_time_us"));
+}
+
+TEST(Simulate, RowsTakeAtMostAFrameTime) {
+  SimulationOptions options = small_options();
+  std::string reason;
+  options.line_time_us = -1e6 / options.fps / options.height;
+  EXPECT_TRUE(options.is_valid(&reason));
+  options.line_time_us *= 1.01;
+  EXPECT_FALSE(options.is_valid(&reason));
+  EXPECT_NE(reason.find("line time (us)"), std::string::npos) << reason;
+}
+
 class SmallTake : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {

@@ -127,6 +127,7 @@ SimulatedRig make_simulated_rig(const SimulationOptions& s) {
           Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
     }
     geometry.world_from_camera = rig::matrix_from_pose(pose);
+    geometry.line_time_us = s.line_time_us;
     HashRandom lens{s.seed, kLensSalt, index};
     schemas::Intrinsics& intrinsics = geometry.intrinsics;
     const double longer = 1 + s.lens_deviation * 0.003 * lens.normal();

@@ -7,8 +7,8 @@
 
 namespace raystage::simulate {
 
-/// The simulated array as designed (`nominal`) and as built (`truth`). Cameras are named "rRcC":
-/// row 0 is the top row, column 0 is on the left as seen from behind.
+/// The simulated array as designed (`nominal`, without line times) and as built (`truth`). Cameras
+/// are named "rRcC": row 0 is the top row, column 0 is on the left as seen from behind.
 struct SimulatedRig {
   schemas::RigDocument nominal, truth;
 };

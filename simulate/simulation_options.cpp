@@ -56,8 +56,9 @@ bool SimulationOptions::is_valid(std::string* reason) const {
          within("clock offset (s)", clock_offset, 0, 10) &&
          within("cameras per node", cameras_per_node, 1, 10000) &&
          within("start-up loss (s)", startup_loss_s, 0, seconds) &&
-         within("drop probability", drop_probability, 0, 0.99) && within("noise", noise, 0, 1) &&
-         is_square("samples at edges", edge_samples, reason) &&
+         within("drop probability", drop_probability, 0, 0.99) &&
+         within("line time (us)", line_time_us, -1e6 / fps / height, 1e6 / fps / height) &&
+         within("noise", noise, 0, 1) && is_square("samples at edges", edge_samples, reason) &&
          is_square("samples of the truth", truth_samples, reason) &&
          within("truth views", truth_views, 0, 10000) &&
          within("truth width", truth_width, 0, 16384) &&

@@ -63,6 +63,9 @@ struct SimulationOptions {
   int cameras_per_node = 16;
   double startup_loss_s = 0.5;     ///< frames before this time are lost
   double drop_probability = 0.01;  ///< of a later frame
+  /// From the exposure of a row to that of the row below, microseconds, as in rig.json; the
+  /// read-out of a frame takes at most one frame time.
+  double line_time_us = 0;
 
   // Pictures.
   double noise = 0.005;  ///< standard deviation at full scale; scales with sqrt(light)

@@ -44,6 +44,7 @@ ordered_json settings_json(const SimulationOptions& s) {
           {"cameras_per_node", s.cameras_per_node},
           {"start_up_loss_s", s.startup_loss_s},
           {"drop_probability", s.drop_probability},
+          {"line_time_us", s.line_time_us},
           {"noise", s.noise},
           {"edge_samples", s.edge_samples},
           {"truth_samples", s.truth_samples},

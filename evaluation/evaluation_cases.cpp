@@ -28,7 +28,7 @@ store::FrameSelection by_stamps(Nanoseconds time, const store::Take& take) {
 store::FrameSelection instant_at(Nanoseconds time, const store::Take& take,
                                  const store::Timeline* timeline, bool exact) {
   if (timeline == nullptr) return by_stamps(time, take);
-  if (exact) return store::frames_at_time(*timeline, time);
+  if (exact) return store::frames_at_time(*timeline, take.rig(), time);
   const auto tick = store::nearest_tick(timeline->ticks, time);
   return tick ? timeline->ticks[*tick] : nothing_at(time, take);
 }
@@ -99,8 +99,10 @@ void add_camera(int camera, const store::Take& take, const store::Timeline* time
   for (auto& [number, frames] : instants_of(camera, take, timeline)) {
     if (timeline != nullptr && exact) {
       const int frame_of_camera = frames.frame[camera];
-      frames = store::frames_at_time(*timeline, frames.time_ns + frames.difference[camera]);
+      frames =
+          store::frames_at_time(*timeline, take.rig(), frames.time_ns + frames.difference[camera]);
       frames.frame[camera] = frame_of_camera;
+      if (frames.is_interpolated(static_cast<std::size_t>(camera))) frames.second[camera] = {};
     }
     const std::string name =
         instants == 1 ? excluded.id : excluded.id + "_" + std::to_string(number);

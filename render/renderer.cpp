@@ -78,7 +78,8 @@ struct LightFieldRenderer::State {
       of_camera[i] = frames.frame[i];
       if (!frames.is_interpolated(i) || of_camera[i] < 0) continue;
       const store::FrameSelection::Second& second = frames.second[i];
-      of_camera[i] = interpolated->number_of({of_camera[i], second.frame, second.part});
+      of_camera[i] =
+          interpolated->number_of({of_camera[i], second.frame, second.part, second.line_part});
     }
     return of_camera;
   }
@@ -197,7 +198,7 @@ struct LightFieldRenderer::State {
       if (!sources) continue;
       frames.second.resize(of_camera.size());
       frames.frame[camera] = sources->first;
-      frames.second[camera] = {sources->second, sources->part};
+      frames.second[camera] = {sources->second, sources->part, sources->line_part};
     }
     return frames;
   }

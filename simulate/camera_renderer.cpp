@@ -18,7 +18,6 @@
 namespace raystage::simulate {
 namespace {
 
-using Eigen::Vector2f;
 using Eigen::Vector3f;
 
 constexpr int kTile = 16;

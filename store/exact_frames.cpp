@@ -4,7 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdlib>
 #include <optional>
+#include <span>
+
+#include "rig/row_times.h"
 
 namespace raystage::store {
 namespace {
@@ -25,9 +29,33 @@ std::optional<TimedFrame> frame_of(const FrameSelection& tick, std::size_t camer
   return TimedFrame{tick.frame[camera], tick.time_ns + tick.difference[camera]};
 }
 
+/// Returns the frame of a camera nearest to `kept`, another one of the camera, among the ticks.
+std::optional<TimedFrame> nearest_other(std::span<const FrameSelection> ticks, std::size_t camera,
+                                        const TimedFrame& kept) {
+  std::optional<TimedFrame> nearest;
+  const auto distance = [&](const TimedFrame& other) { return std::abs(other.time - kept.time); };
+  for (const FrameSelection& tick : ticks) {
+    const auto found = frame_of(tick, camera);
+    if (!found || found->time == kept.time) continue;
+    if (!nearest || distance(*found) < distance(*nearest)) nearest = found;
+  }
+  return nearest;
+}
+
+/// Selects the picture at a time between two frames of a camera.
+void select_between(FrameSelection& selected, std::size_t camera, const TimedFrame& a,
+                    const TimedFrame& b, Nanoseconds time, double line_time_us) {
+  const Nanoseconds interval = b.time - a.time;
+  selected.second.resize(selected.frame.size());
+  selected.frame[camera] = a.frame;
+  selected.second[camera] = {b.frame,
+                             static_cast<double>(time - a.time) / static_cast<double>(interval),
+                             rig::line_part(line_time_us, interval)};
+}
+
 }  // namespace
 
-FrameSelection frames_at_time(const Timeline& timeline, Nanoseconds time) {
+FrameSelection frames_at_time(const Timeline& timeline, const rig::Rig& rig, Nanoseconds time) {
   const std::vector<FrameSelection>& ticks = timeline.ticks;
   if (ticks.size() == 1) return ticks.front();
   const double period = static_cast<double>(kNanosecondsPerSecond) / timeline.fps;
@@ -50,20 +78,30 @@ FrameSelection frames_at_time(const Timeline& timeline, Nanoseconds time) {
       if (found->time <= time && (!before || found->time > before->time)) before = found;
       if (found->time > time && (!next || found->time < next->time)) next = found;
     }
+    const double line_time_us = rig.cameras[camera].line_time_us;
     std::optional<TimedFrame> kept;
-    if (before && time - before->time <= unchanged) kept = before;
-    if (next && next->time - time <= unchanged && !kept) kept = next;
+    // A frame with a rolling shutter has one row only that shows its time.
+    if (line_time_us == 0) {
+      if (before && time - before->time <= unchanged) kept = before;
+      if (next && next->time - time <= unchanged && !kept) kept = next;
+    }
     if (!kept && before && next && next->time - before->time <= longest) {
-      selected.second.resize(cameras);
-      selected.frame[camera] = before->frame;
-      selected.second[camera] = {next->frame, static_cast<double>(time - before->time) /
-                                                  static_cast<double>(next->time - before->time)};
+      select_between(selected, camera, *before, *next, time, line_time_us);
       continue;
     }
     if (!kept && nearest) kept = frame_of(ticks[*nearest], camera);
     if (!kept) continue;
-    selected.frame[camera] = kept->frame;
     selected.difference[camera] = kept->time - time;
+    if (line_time_us != 0) {
+      const auto other = nearest_other(std::span(ticks).subspan(begin, end - begin), camera, *kept);
+      if (other && std::abs(other->time - kept->time) <= longest) {
+        const bool is_first = kept->time < other->time;
+        select_between(selected, camera, is_first ? *kept : *other, is_first ? *other : *kept,
+                       kept->time, line_time_us);
+        continue;
+      }
+    }
+    selected.frame[camera] = kept->frame;
   }
   return selected;
 }

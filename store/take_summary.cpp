@@ -150,6 +150,7 @@ TakeSummary summarise_take(const Take& take) {
   add_times(take, summary);
   add_restarts(take, summary);
   summary.calibrated = schemas::is_calibrated(schemas::read_rig(take.file("rig.json")));
+  summary.shutters = summarise_shutters(take.rig());
   summary.spacing = median_baseline(take.rig());
   summary.lenses = rig::summarise_lenses(take.rig());
   summary.min_alias_free_distance =

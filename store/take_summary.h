@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "rig/lens_summary.h"
+#include "store/shutter_summary.h"
 #include "store/take.h"
 #include "store/timeline.h"
 
@@ -41,6 +42,7 @@ struct TakeSummary {
   /// Nodes that started later than requested, and their delay in ns.
   std::vector<std::pair<std::string, Nanoseconds>> late_nodes;
   std::string restarts_error;  ///< why neither is known; empty if they are
+  ShutterSummary shutters;
   bool calibrated = true;      ///< false: spacing and lenses are estimates
   /// Median distance from a camera to its nearest neighbour, metres; 0 for one camera.
   double spacing = 0;

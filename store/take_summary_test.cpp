@@ -21,6 +21,22 @@ TEST(AliasFreeDistance, OfTheThesisArray) {
   EXPECT_NEAR(min_alias_free_distance(0.06, focal_length_px), 7.99, 0.005);
 }
 
+TEST(ShutterSummary, HasTheRangesOfRollingShuttersOnly) {
+  schemas::RigDocument document = testing::rig_document(3);
+  EXPECT_TRUE(summarise_shutters(rig::rig_from_document(document)).is_global());
+  document.cameras[1].geometry.line_time_us = -20;
+  document.cameras[2].geometry.line_time_us = 50;
+  document.cameras[2].geometry.height = 100;
+  document.cameras[1].geometry.height = 200;
+  const ShutterSummary some = summarise_shutters(rig::rig_from_document(document));
+  EXPECT_EQ(some.cameras, 3);
+  EXPECT_EQ(some.rolling, 2);
+  EXPECT_EQ(some.min_line_time_us, -20);
+  EXPECT_EQ(some.max_line_time_us, 50);
+  EXPECT_DOUBLE_EQ(some.min_read_out_ms, 4);
+  EXPECT_DOUBLE_EQ(some.max_read_out_ms, 5);
+}
+
 TEST(TakeSummary, SaysWhatIsThereAndWhatIsNot) {
   const testing::TestFolder folder;
   const auto path = folder.path() / "take";

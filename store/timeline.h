@@ -23,7 +23,11 @@ struct FrameSelection {
   /// A later frame of a camera, between which and `frame` its picture is interpolated.
   struct Second {
     std::int32_t frame = -1;  ///< -1: none, the picture is that of `frame`
-    double part = 0;          ///< of the time from `frame` to this one, (0, 1)
+    double part = 0;          ///< of the time from `frame` to this one, [0, 1]
+    /// The camera's line time in the same unit (rig/row_times.h); 0: global shutter, and `part` is
+    /// in (0, 1).
+    double line_part = 0;
+    bool operator==(const Second&) const = default;
   };
   /// One per camera, as frames_at_time() selects; empty: no picture is interpolated.
   std::vector<Second> second = {};

@@ -418,6 +418,10 @@ void LightFieldLayer::add_sources(const store::FrameSelection& tick, Fingerprint
     add(tick.frame[camera]);
     if (!tick.is_interpolated(camera)) continue;
     print.number("interpolated", tick.second[camera].part);
+    // Only of rolling shutters, so that fingerprints of other frames remain.
+    if (tick.second[camera].line_part != 0) {
+      print.number("line time", tick.second[camera].line_part);
+    }
     add(tick.second[camera].frame);
   }
 }

@@ -59,7 +59,8 @@ int LightFieldLayer::first_frame_of_time(int frame) const {
 
 std::optional<int> LightFieldLayer::exact_tick_at(double frame) const {
   const double whole = std::round(frame);
-  const store::FrameSelection exact = store::frames_at_time(timeline_, take_time(frame));
+  const store::FrameSelection exact =
+      store::frames_at_time(timeline_, take_.rig(), take_time(frame));
   if (exact.second.empty()) return std::nullopt;
   if (whole >= first_frame_ && take_seconds(frame) == take_seconds(whole)) {
     return static_cast<int>(timeline_.ticks.size()) + first_frame_of_time(static_cast<int>(whole)) -
@@ -80,9 +81,9 @@ store::FrameSelection LightFieldLayer::frames_of(int tick) const {
   const auto ticks = static_cast<int>(timeline_.ticks.size());
   if (tick < ticks) return timeline_.ticks[tick];
   if (const auto time = time_in_exposure(tick)) {
-    return store::frames_at_time(timeline_, take_time(*time));
+    return store::frames_at_time(timeline_, take_.rig(), take_time(*time));
   }
-  return store::frames_at_time(timeline_, take_time(first_frame_ + tick - ticks));
+  return store::frames_at_time(timeline_, take_.rig(), take_time(first_frame_ + tick - ticks));
 }
 
 std::vector<int> LightFieldLayer::adjacent_ticks(int tick) const {

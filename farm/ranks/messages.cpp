@@ -2,6 +2,7 @@
 #include "farm/ranks/messages.h"
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -157,12 +158,13 @@ schemas::OptionValues options_from(const Json& json) {
   return options;
 }
 
-/// Returns [camera, later frame, part] of each interpolated frame.
+/// Returns [camera, later frame, part, line time] of each interpolated frame.
 Json interpolated_as_json(const store::FrameSelection& frames) {
   Json list = Json::array();
   for (std::size_t camera = 0; camera < frames.second.size(); ++camera) {
     if (!frames.is_interpolated(camera)) continue;
-    list.push_back({camera, frames.second[camera].frame, frames.second[camera].part});
+    const store::FrameSelection::Second& second = frames.second[camera];
+    list.push_back({camera, second.frame, second.part, second.line_part});
   }
   return list;
 }
@@ -173,8 +175,10 @@ std::vector<store::FrameSelection::Second> interpolated_from(const Json& json,
   for (const Json& one : json) {
     const auto camera = value_of<std::size_t>(one.at(0));
     const store::FrameSelection::Second found{value_of<std::int32_t>(one.at(1)),
-                                              value_of<double>(one.at(2))};
-    if (camera >= cameras || found.frame < 0 || !(found.part > 0 && found.part < 1)) {
+                                              value_of<double>(one.at(2)),
+                                              value_of<double>(one.at(3))};
+    if (camera >= cameras || found.frame < 0 || !(found.part >= 0 && found.part <= 1) ||
+        !std::isfinite(found.line_part)) {
       throw damaged();
     }
     second.resize(cameras);

@@ -226,6 +226,9 @@ DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimat
     std::array<std::byte, 8> part{};
     store_little_endian(part, 0, std::bit_cast<std::uint64_t>(sources->part));
     key.instant = XXH3_64bits_withSeed(part.data(), part.size(), key.instant);
+    if (sources->line_part == 0) continue;
+    store_little_endian(part, 0, std::bit_cast<std::uint64_t>(sources->line_part));
+    key.instant = XXH3_64bits_withSeed(part.data(), part.size(), key.instant);
   }
   if (s.regions.empty()) return key;
   std::vector<std::byte> bytes(s.regions.size() * 4 * sizeof(std::int32_t));

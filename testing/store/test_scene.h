@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "rig/row_times.h"
 #include "store/jpeg/rgb_image.h"
 
 namespace raystage::testing {
@@ -20,15 +21,20 @@ struct MovingBoard {
     return u >= 0 && v >= 0 && u < size && v < size;
   }
   /// Returns the picture at `time` with 2 x 2 samples per pixel; pixel (0, 0) is centred on (0, 0).
-  store::RgbImage at(double time) const {
+  store::RgbImage at(double time) const { return rolling_at(time, 0); }
+
+  /// Returns the picture of a rolling shutter: the middle row is exposed at `time`, each row by
+  /// `line` after the row above.
+  store::RgbImage rolling_at(double time, double line) const {
     store::RgbImage image{width, height, std::vector<std::uint8_t>()};
     for (int y = 0; y < height; ++y) {
+      const double of_row = time + rig::row_time(line, height, y + 0.5);
       for (int x = 0; x < width; ++x) {
         for (int c = 0; c < 3; ++c) {
           double sum = 0;
           for (int s = 0; s < 4; ++s) {
             const int right = s % 2, down = s / 2;
-            sum += value(x + (right - 0.5) / 2, y + (down - 0.5) / 2, time, c);
+            sum += value(x + (right - 0.5) / 2, y + (down - 0.5) / 2, of_row, c);
           }
           image.values.push_back(static_cast<std::uint8_t>(std::lround(sum / 4)));
         }

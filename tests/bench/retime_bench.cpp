@@ -123,7 +123,8 @@ void compare(Stage& stage, double gap, const std::filesystem::path& folder) {
         const store::RgbImage blend_image = store::blend(a.rgb, b.rgb, part);
         blend_ms += milliseconds_since(start);
         start = Clock::now();
-        const store::RgbImage flow_image = store::interpolate_frame(a, b, b_from_a, a_from_b, part);
+        const store::RgbImage flow_image =
+            store::interpolate_frame(a, b, b_from_a, a_from_b, {part, 0});
         between_ms += milliseconds_since(start);
         const store::RgbImage& near_image = part <= 0.5 ? a.rgb : b.rgb;
         nearest.add(near_image, truth, moves);

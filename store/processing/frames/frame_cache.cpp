@@ -261,7 +261,7 @@ struct FrameCache::State {
 
   /// Returns the frame between two frames, which are whole.
   DecodedFrame interpolate(const JpegLayout& layout, const DecodedFrame& a, const DecodedFrame& b,
-                           double part) {
+                           const InstantBetween& instant) {
     const auto start = std::chrono::steady_clock::now();
     std::call_once(has_interpolated, [&] {
       use_one_opencv_thread();
@@ -272,7 +272,7 @@ struct FrameCache::State {
     OpticalFlowEstimator& estimator = flow_estimators.local();
     const FlowField b_from_a = estimator.estimate(luma_a, luma_b),
                     a_from_b = estimator.estimate(luma_b, luma_a);
-    interpolate_levels({luma_a, luma_b, b_from_a, a_from_b}, part, pixels_of(a), pixels_of(b),
+    interpolate_levels({luma_a, luma_b, b_from_a, a_from_b}, instant, pixels_of(a), pixels_of(b),
                        pixels_of(frame));
     decode_nanoseconds += std::chrono::duration_cast<std::chrono::nanoseconds>(
                               std::chrono::steady_clock::now() - start)
@@ -427,8 +427,9 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
     FrameCache of_take(state_);
     const auto a = of_take.fetch(camera, sources.first, {}, pixels_decoded),
                b = of_take.fetch(camera, sources.second, {}, pixels_decoded);
-    auto between = state_->share(
-        state_->interpolate(state_->layout_of(key, *entry), *a, *b, sources.part), state_);
+    auto between = state_->share(state_->interpolate(state_->layout_of(key, *entry), *a, *b,
+                                                     {sources.part, sources.line_part}),
+                                 state_);
     state_->keep(key, entry, between);
     state_->evict();
     return between;

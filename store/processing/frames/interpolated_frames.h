@@ -15,7 +15,8 @@ class InterpolatedFrames {
  public:
   struct Sources {
     int first = 0, second = 0;  ///< frames of the camera's archive
-    double part = 0;            ///< of the time from the first one to the second one, (0, 1)
+    double part = 0;            ///< of the time from the first one to the second one, [0, 1]
+    double line_part = 0;       ///< the camera's line time in the same unit; 0: global shutter
     auto operator<=>(const Sources&) const = default;
   };
 

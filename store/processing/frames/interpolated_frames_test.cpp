@@ -111,7 +111,29 @@ TEST_F(InterpolatedCache, IsTheInterpolationOfTheDecodedFrames) {
                   b = make_flow_image(decoder.decode(take_->archive(0).jpeg(2), "2"));
   OpticalFlowEstimator estimator;
   const RgbImage slow = interpolate_frame(a, b, estimator.estimate(a.luma, b.luma),
-                                          estimator.estimate(b.luma, a.luma), 0.4);
+                                          estimator.estimate(b.luma, a.luma), {0.4, 0});
+  double squares = 0;
+  for (std::size_t i = 0; i < slow.values.size(); ++i) {
+    const double code = between->rgba[i / 3 * 4 + i % 3] / 65535.0 * 255;
+    squares += (code - slow.values[i]) * (code - slow.values[i]);
+  }
+  EXPECT_LT(std::sqrt(squares / static_cast<double>(slow.values.size())), 0.6);
+}
+
+TEST_F(InterpolatedCache, RowsOfARollingShutterAreThoseOfTheSlowWay) {
+  const auto frames = std::make_shared<InterpolatedFrames>();
+  FrameCache cache(*take_, 1 << 26, BlendSpace::kPerceptual, nullptr, frames);
+  const InterpolatedFrames::Sources sources{1, 2, 0.0, 0.8 / board_.height};
+  EXPECT_NE(frames->number_of(sources), frames->number_of({1, 2, 0.0, 0}));
+  std::int64_t pixels = 0;
+  const auto between = cache.fetch(0, frames->number_of(sources), {}, pixels);
+  JpegDecoder decoder;
+  const FlowImage a = make_flow_image(decoder.decode(take_->archive(0).jpeg(1), "1")),
+                  b = make_flow_image(decoder.decode(take_->archive(0).jpeg(2), "2"));
+  OpticalFlowEstimator estimator;
+  const RgbImage slow =
+      interpolate_frame(a, b, estimator.estimate(a.luma, b.luma),
+                        estimator.estimate(b.luma, a.luma), {0.0, sources.line_part});
   double squares = 0;
   for (std::size_t i = 0; i < slow.values.size(); ++i) {
     const double code = between->rgba[i / 3 * 4 + i % 3] / 65535.0 * 255;

@@ -4,6 +4,11 @@
 // vector with the smallest photometric difference per pixel. Fills holes from their borders and
 // applies a median filter. Then samples both frames bicubically and weights them by time and
 // visibility. Inputs: two frames of equal size, flow in pixels. Cost: O(pixels).
+// With a rolling shutter the fraction of the time depends on the row. A point that is at height y
+// of a, and moves by v rows to b, is exposed in a at the time part_a(y) = part - line_part (y - c)
+// before the instant, and the two exposures are 1 + line_part v apart: it has moved by the fraction
+// s = part_a(y) / (1 + line_part v) at the instant. At height y' = y + s v of the interpolated
+// frame this is s = part - line_part (y' - c), whatever v is.
 #include "store/processing/motion/frame_interpolation.h"
 
 #include <algorithm>
@@ -26,6 +31,15 @@ constexpr float kMaxMotion = 65536;
 constexpr int kWindow = 5;
 // Visibility of occluded frames: matters only where both frames are occluded.
 constexpr float kHidden = 1e-3F;
+// The least time between the exposures of a point in two frames that is plausible, in fractions of
+// the time between these: one that moves with the rows, as fast as these are read.
+constexpr float kMinApart = 0.1F;
+
+// Returns the fraction within the range that is extrapolated.
+float limited(float part) {
+  constexpr auto kMost = static_cast<float>(kMaxExtrapolation);
+  return std::clamp(part, -kMost, 1 + kMost);
+}
 
 // The flow at the intermediate time, as displacements from a to b.
 class MotionBetween {
@@ -33,13 +47,23 @@ class MotionBetween {
   MotionBetween(int width, int height)
       : shift_(width, height), difference_(width, height, kUnset) {}
 
-  // Projects every pixel of `from` by the fraction `part` of its flow. `sign`: -1 if `from` is b.
-  void project(const Luma& from, const Luma& to, const FlowField& motion, float part, float sign) {
+  // Projects every pixel of `from` by a fraction of its flow. `parts`: the time of each row from
+  // `from` to the instant; `line`: the line time, negative if
+  // `from` is b. `sign`: -1 if `from` is b.
+  void project(const Luma& from, const Luma& to, const FlowField& motion,
+               std::span<const float> parts, float line, float sign) {
     const cv::Mat difference = differences(from, to, motion);
     for (int y = 0; y < shift_.height; ++y) {
+      const float of_row = parts[static_cast<std::size_t>(y)];
       for (int x = 0; x < shift_.width; ++x) {
         const FlowVector s = motion.at(x, y);
         if (!is_valid(s)) continue;
+        float part = of_row;
+        if (line != 0) {
+          const float apart = 1 + line * s.y;
+          if (!(apart > kMinApart)) continue;
+          part = limited(of_row / apart);
+        }
         land(static_cast<float>(x) + part * s.x, static_cast<float>(y) + part * s.y,
              {sign * s.x, sign * s.y}, difference.at<float>(y, x));
       }
@@ -159,9 +183,9 @@ struct WarpedFrame {
   cv::Mat x, y;    // sampled positions, pixels
 };
 
-// Returns where a frame is sampled along the vectors of `between`. `way`: factor from these to the
-// displacement to the frame.
-WarpedFrame warp(const FlowField& motion, const FlowField& between, float way) {
+// Returns where a frame is sampled along the vectors of `between`. `ways`: factors from these to
+// the displacement to the frame, by row.
+WarpedFrame warp(const FlowField& motion, const FlowField& between, std::span<const float> ways) {
   const int width = motion.width, height = motion.height;
   WarpedFrame out;
   out.x.create(height, width, CV_32FC1);
@@ -169,6 +193,7 @@ WarpedFrame warp(const FlowField& motion, const FlowField& between, float way) {
   for (int y = 0; y < height; ++y) {
     auto* to_x = out.x.ptr<float>(y);
     auto* to_y = out.y.ptr<float>(y);
+    const float way = ways[static_cast<std::size_t>(y)];
     for (int x = 0; x < width; ++x) {
       to_x[x] = static_cast<float>(x) + way * between.at(x, y).x;
       to_y[x] = static_cast<float>(y) + way * between.at(x, y).y;
@@ -219,22 +244,32 @@ namespace {
 
 // Writes the picture between `a` and `b`, of kChannels codes a pixel.
 template <int kChannels, class Code>
-void interpolate(const MovingPair& pair, double part, int type, std::span<const Code> a,
-                 std::span<const Code> b, std::span<Code> out) {
+void interpolate(const MovingPair& pair, const InstantBetween& instant, int type,
+                 std::span<const Code> a, std::span<const Code> b, std::span<Code> out) {
   const int width = pair.a.width, height = pair.a.height;
-  const auto s = static_cast<float>(part);
+  std::vector<float> after_a, before_b, parts, to_a, to_b;  // by row
+  for (int y = 0; y < height; ++y) {
+    after_a.push_back(static_cast<float>(instant.at(y + 0.5, height)));
+    before_b.push_back(1 - after_a.back());
+    parts.push_back(limited(after_a.back()));
+    to_a.push_back(-parts.back());
+    to_b.push_back(1 - parts.back());
+  }
+  const auto line = static_cast<float>(instant.line_part);
   MotionBetween between(width, height);
-  between.project(pair.a, pair.b, pair.b_from_a, s, 1);
-  between.project(pair.b, pair.a, pair.a_from_b, 1 - s, -1);
+  between.project(pair.a, pair.b, pair.b_from_a, after_a, line, 1);
+  between.project(pair.b, pair.a, pair.a_from_b, before_b, -line, -1);
   between.fill_holes();
   between.filter_medians();
   const FlowField& shift = between.shift();
-  const WarpedFrame in_a = warp(pair.b_from_a, shift, -s);
-  const WarpedFrame in_b = warp(pair.a_from_b, shift, 1 - s);
+  const WarpedFrame in_a = warp(pair.b_from_a, shift, to_a);
+  const WarpedFrame in_b = warp(pair.a_from_b, shift, to_b);
   const cv::Mat of_a = sampled(a, type, in_a), of_b = sampled(b, type, in_b);
   using Pixel = cv::Vec<Code, kChannels>;
   std::size_t i = 0;
   for (int y = 0; y < height; ++y) {
+    // An extrapolated row has the colours of the nearer frame alone.
+    const float s = std::clamp(parts[static_cast<std::size_t>(y)], 0.0F, 1.0F);
     const auto *xa = in_a.x.ptr<float>(y), *ya = in_a.y.ptr<float>(y);
     const auto *xb = in_b.x.ptr<float>(y), *yb = in_b.y.ptr<float>(y);
     const auto *own_a = in_a.motion.ptr<cv::Vec2f>(y), *own_b = in_b.motion.ptr<cv::Vec2f>(y);
@@ -256,16 +291,17 @@ void interpolate(const MovingPair& pair, double part, int type, std::span<const 
 }  // namespace
 
 RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowField& b_from_a,
-                           const FlowField& a_from_b, double part) {
+                           const FlowField& a_from_b, const InstantBetween& instant) {
   RgbImage out(a.rgb.width, a.rgb.height);
-  interpolate<3, std::uint8_t>({a.luma, b.luma, b_from_a, a_from_b}, part, CV_8UC3, a.rgb.values,
+  interpolate<3, std::uint8_t>({a.luma, b.luma, b_from_a, a_from_b}, instant, CV_8UC3, a.rgb.values,
                                b.rgb.values, out.values);
   return out;
 }
 
-void interpolate_levels(const MovingPair& pair, double part, std::span<const std::uint16_t> a,
-                        std::span<const std::uint16_t> b, std::span<std::uint16_t> out) {
-  interpolate<4, std::uint16_t>(pair, part, CV_16UC4, a, b, out);
+void interpolate_levels(const MovingPair& pair, const InstantBetween& instant,
+                        std::span<const std::uint16_t> a, std::span<const std::uint16_t> b,
+                        std::span<std::uint16_t> out) {
+  interpolate<4, std::uint16_t>(pair, instant, CV_16UC4, a, b, out);
 }
 
 }  // namespace raystage::store

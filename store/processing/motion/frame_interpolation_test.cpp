@@ -24,7 +24,7 @@ struct InBetween : ::testing::Test {
   RgbImage moved(const RgbImage& from, const RgbImage& to, double part) {
     const FlowImage a = make_flow_image(from), b = make_flow_image(to);
     return interpolate_frame(a, b, estimator.estimate(a.luma, b.luma),
-                             estimator.estimate(b.luma, a.luma), part);
+                             estimator.estimate(b.luma, a.luma), {part, 0});
   }
 
   MovingBoard board;
@@ -132,8 +132,8 @@ TEST_F(InBetween, DoesNotLetChanceDecide) {
   const FlowField there = estimator.estimate(a.luma, b.luma),
                   back = estimator.estimate(b.luma, a.luma);
   const RgbImage truth = board.at(0.5);
-  EXPECT_GT(psnr(interpolate_frame(a, b, sprinkled(there), sprinkled(back), 0.5), truth),
-            psnr(interpolate_frame(a, b, there, back, 0.5), truth) - 1);
+  EXPECT_GT(psnr(interpolate_frame(a, b, sprinkled(there), sprinkled(back), {0.5, 0}), truth),
+            psnr(interpolate_frame(a, b, there, back, {0.5, 0}), truth) - 1);
 }
 
 // 16 bits and alpha are interpolated as 8 bits are.
@@ -152,8 +152,8 @@ TEST_F(InBetween, LevelsAreThoseOfCodes) {
   };
   const std::vector<std::uint16_t> from = levels_of(before), to = levels_of(after);
   std::vector<std::uint16_t> between(from.size());
-  interpolate_levels({a.luma, b.luma, there, back}, 0.3, from, to, between);
-  const RgbImage codes = interpolate_frame(a, b, there, back, 0.3);
+  interpolate_levels({a.luma, b.luma, there, back}, {0.3, 0}, from, to, between);
+  const RgbImage codes = interpolate_frame(a, b, there, back, {0.3, 0});
   double worst = 0;
   for (std::size_t i = 0; i < between.size(); ++i) {
     if (i % 4 == 3) {
@@ -164,6 +164,59 @@ TEST_F(InBetween, LevelsAreThoseOfCodes) {
                                      codes.values[i / 4 * 3 + i % 4]));
   }
   EXPECT_LE(worst, 1.2) << "codes are rounded after sampling and after weighting";
+}
+
+struct Rolling : InBetween, ::testing::WithParamInterface<double> {};
+
+// Rows of a rolling shutter are moved to one instant: as good as between pictures with a global
+// shutter, at and between the times of the two pictures.
+TEST_P(Rolling, RowsAreMovedToOneInstant) {
+  const double line = GetParam() / board.height;
+  const FlowImage a = make_flow_image(board.rolling_at(0, line)),
+                  b = make_flow_image(board.rolling_at(1, line));
+  const FlowField there = estimator.estimate(a.luma, b.luma),
+                  back = estimator.estimate(b.luma, a.luma);
+  for (const double part : {0.0, 0.1, 0.5, 0.8, 1.0}) {
+    const RgbImage truth = board.at(part);
+    const double corrected = psnr(interpolate_frame(a, b, there, back, {part, line}), truth);
+    const double uncorrected = psnr(interpolate_frame(a, b, there, back, {part, 0}), truth);
+    EXPECT_GT(corrected, 29) << part;
+    EXPECT_GT(corrected, uncorrected + 2) << part;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(TopDownAndBottomUp, Rolling, ::testing::Values(0.8, -0.8));
+
+// The slow way: a whole interpolation for the time of each row.
+TEST_F(InBetween, RowsAreThoseOfInterpolationsAtTheirTimes) {
+  const double line = 0.8 / board.height;
+  const FlowImage a = make_flow_image(board.rolling_at(0, line)),
+                  b = make_flow_image(board.rolling_at(1, line));
+  const FlowField there = estimator.estimate(a.luma, b.luma),
+                  back = estimator.estimate(b.luma, a.luma);
+  const InstantBetween instant{0.4, line};
+  const RgbImage fast = interpolate_frame(a, b, there, back, instant);
+  RgbImage slow = fast;
+  for (int y = 0; y < slow.height; ++y) {
+    const RgbImage whole =
+        interpolate_frame(a, b, there, back, {instant.at(y + 0.5, slow.height), 0});
+    const auto bytes = static_cast<std::ptrdiff_t>(slow.width) * 3;
+    std::copy_n(whole.values.begin() + y * bytes, bytes, slow.values.begin() + y * bytes);
+  }
+  EXPECT_GT(psnr(fast, slow), 42);
+}
+
+// Line times that no shutter has give a picture, whatever it shows.
+TEST_F(InBetween, SurvivesAnyLineTime) {
+  const FlowImage a = make_flow_image(before), b = make_flow_image(after);
+  const FlowField there = estimator.estimate(a.luma, b.luma),
+                  back = estimator.estimate(b.luma, a.luma);
+  for (const double line : {1e-9, 0.02, -0.1, 1.0, -1e6, 1e17}) {
+    for (const double part : {0.0, 0.5, 1.0}) {
+      EXPECT_EQ(interpolate_frame(a, b, there, back, {part, line}).values.size(),
+                before.values.size());
+    }
+  }
 }
 
 // Pictures without common content must not cause a crash.

@@ -18,11 +18,12 @@ struct RetimePlan : ::testing::Test {
     timeline.ticks =
         assign_ticks({times}, 10, 50 * kMs, {100 * kMs, ticks * 100 * kMs}, "test", Nanoseconds{0})
             .ticks;
-    return plan_retiming(timeline, 0, times, options);
+    return plan_retiming(timeline, 0, times, options, line_time_us);
   }
 
   Timeline timeline;
   RetimeOptions options;
+  double line_time_us = 0;
 };
 
 TEST_F(RetimePlan, FrameBetweenItsNeighbours) {
@@ -65,6 +66,32 @@ TEST_F(RetimePlan, OneLostFrameIsBridgedAndTwoAreNot) {
   EXPECT_EQ(two[0].time, 80 * kMs);
   EXPECT_EQ(two[1].kind, Kind::kMissing);
   EXPECT_EQ(two[2].kind, Kind::kMissing);
+}
+
+// Line time 100 us: a thousandth of the time between two frames.
+TEST_F(RetimePlan, FramesOfARollingShutterNeverStay) {
+  line_time_us = 100;
+  const auto frames = plan({120 * kMs, 220 * kMs, 300 * kMs, 400 * kMs}, 4);
+  for (const RetimedFrame& frame : frames) EXPECT_EQ(frame.kind, Kind::kInterpolated);
+  // The first one has none before it: at its own time, by the one after.
+  EXPECT_EQ(frames[0].first, 0);
+  EXPECT_EQ(frames[0].second, 1);
+  EXPECT_EQ(frames[0].part, 0);
+  EXPECT_EQ(frames[0].line_part, 1e-3);
+  EXPECT_EQ(frames[0].time, 120 * kMs);
+  EXPECT_DOUBLE_EQ(frames[1].part, 0.8);
+  EXPECT_EQ(frames[2].first, 2);
+  EXPECT_EQ(frames[2].part, 0);
+  EXPECT_EQ(frames[2].time, 300 * kMs);
+  // The last one: by the one before.
+  EXPECT_EQ(frames[3].first, 2);
+  EXPECT_EQ(frames[3].second, 3);
+  EXPECT_EQ(frames[3].part, 1);
+  EXPECT_EQ(frames[3].time, 400 * kMs);
+  options.method = RetimeMethod::kNearest;
+  for (const RetimedFrame& frame : plan({120 * kMs, 220 * kMs}, 2)) {
+    EXPECT_EQ(frame.kind, Kind::kUnchanged);
+  }
 }
 
 TEST_F(RetimePlan, LongestGapIsASetting) {

@@ -74,6 +74,14 @@ class MissingReasons {
   std::map<Nanoseconds, FrameStatus> by_time_;
 };
 
+// Returns the rig of the new take: optical flow moves rows of a rolling shutter to one time.
+schemas::RigDocument retimed_rig(const Take& take, RetimeMethod method) {
+  schemas::RigDocument rig = schemas::read_rig(take.file("rig.json"));
+  if (method != RetimeMethod::kFlow) return rig;
+  for (schemas::RigDocument::Camera& camera : rig.cameras) camera.geometry.line_time_us = 0;
+  return rig;
+}
+
 // Interpolates between the frames of one camera, in order of time. Decoded frames and flow are
 // reused while the source frames stay the same.
 class Retimer {
@@ -96,7 +104,8 @@ class Retimer {
         });
         motion_known_ = true;
       }
-      image = interpolate_frame(a, b, side_[0].motion, side_[1].motion, frame.part);
+      image =
+          interpolate_frame(a, b, side_[0].motion, side_[1].motion, {frame.part, frame.line_part});
     }
     JpegEncodeOptions encode;
     encode.quality = options_.quality;
@@ -159,7 +168,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
   const Nanoseconds later = std::max<Nanoseconds>(0, half - timeline.ticks.front().time_ns);
 
   TakeWriter writer(folder, retimed_document(take.document(), options.method, later, created_by),
-                    schemas::read_rig(take.file("rig.json")));
+                    retimed_rig(take, options.method));
   Timeline retimed;
   retimed.fps = timeline.fps;
   retimed.tolerance = timeline.tolerance;
@@ -182,22 +191,24 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     Retimer retimer(from, name, options);
     RetimeReport& report = results[c].report;
     std::int32_t stored = 0;
-    RetimePlanner planner(timeline, c, times[c], options);
+    const double line_time_us = take.rig().cameras[c].line_time_us;
+    RetimePlanner planner(timeline, c, times[c], options, line_time_us);
     const auto sequence = [](std::int32_t i) {
       return FrameOrigin{kUnknownTime, static_cast<std::uint64_t>(i)};
     };
     // Throws RottenFrame before anything is written.
-    const auto write_frame = [&](const RetimedFrame& frame, Nanoseconds tick) {
+    const auto write_frame = [&](const RetimedFrame& frame) {
       if (frame.kind == Kind::kUnchanged) {
         to.append(from.jpeg(frame.first), frame.time + later, sequence(frame.first));
         ++report.unchanged;
+        if (options.method == RetimeMethod::kFlow && line_time_us != 0) ++report.uncorrected;
         return;
       }
       const auto start = Clock::now();
       const std::vector<std::byte> jpeg = retimer.make(frame);
       results[c].moving_ms +=
           std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-      to.append(jpeg, tick + later, sequence(frame.part <= 0.5 ? frame.first : frame.second));
+      to.append(jpeg, frame.time + later, sequence(frame.part <= 0.5 ? frame.first : frame.second));
       ++report.interpolated;
     };
     for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
@@ -209,7 +220,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
       RetimedFrame frame = planner.plan(k);
       while (frame.kind != Kind::kMissing) {
         try {
-          write_frame(frame, tick);
+          write_frame(frame);
           retimed.ticks[k].frame[c] = stored++;
           retimed.ticks[k].difference[c] = frame.time - tick;
           break;
@@ -252,6 +263,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     }
     sum.interpolated += result.report.interpolated;
     sum.unchanged += result.report.unchanged;
+    sum.uncorrected += result.report.uncorrected;
     sum.missing += result.report.missing;
     moving_ms += result.moving_ms;
   }

@@ -30,6 +30,7 @@ struct RetimeTake : ::testing::Test {
     for (schemas::RigDocument::Camera& camera : rig.cameras) {
       camera.geometry.width = board.width;
       camera.geometry.height = board.height;
+      camera.geometry.line_time_us = line_time_us;
     }
     TakeWriter writer(folder.path() / "take", document, rig);
     for (int c = 0; c < 3; ++c) {
@@ -38,8 +39,10 @@ struct RetimeTake : ::testing::Test {
         if ((c == 1 && i == 4) || (c == 2 && (i == 3 || i == 4))) {
           if (recorded) writer.archive(c).append_missing(FrameStatus::kTorn, time + ahead);
         } else {
-          writer.archive(c).append(encode_jpeg(board.at(seconds(time)), {.quality = 97}),
-                                   time + ahead);
+          const double line = seconds(1000) * line_time_us;
+          const RgbImage picture =
+              line_time_us == 0 ? board.at(seconds(time)) : board.rolling_at(seconds(time), line);
+          writer.archive(c).append(encode_jpeg(picture, {.quality = 97}), time + ahead);
         }
       }
     }
@@ -83,6 +86,7 @@ struct RetimeTake : ::testing::Test {
     take.emplace(folder.path() / "take");
   }
 
+  double line_time_us = 0;
   RottenFrames rotten_frames = RottenFrames::kAbsent;
   testing::MovingBoard board{.left = 20, .top = 20, .speed_x = 25, .speed_y = 9};
   testing::TestFolder folder;
@@ -148,6 +152,35 @@ TEST_F(RetimeTake, IsNearerToTheTruthThanTheNearestFrame) {
   const double flow = mean_psnr("flow");
   EXPECT_GT(blended, nearest);
   EXPECT_GT(flow, blended + 5);
+}
+
+// A read-out of 60 of the 100 ms between two frames.
+TEST_F(RetimeTake, ARollingShutterBecomesAGlobalOne) {
+  line_time_us = 500;
+  board.size = 80;
+  board.left = board.top = 5;
+  write();
+  const RetimeReport report = retime(RetimeMethod::kFlow, "flow");
+  EXPECT_EQ(report.unchanged, 0U);
+  EXPECT_EQ(report.uncorrected, 0U);
+  const Take retimed(folder.path() / "flow");
+  double corrected = 0, recorded = 0;
+  int count = 0;
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_EQ(retimed.rig().cameras[c].line_time_us, 0);
+    if (c > 0) continue;  // those that lost frames
+    for (std::size_t i = 0; i < retimed.archive(c).frames().size(); ++i) {
+      const Nanoseconds time = retimed.archive(c).frames()[i].time_ns;
+      corrected += psnr_of(retimed, c, static_cast<int>(i), time);
+      recorded += testing::psnr(board.rolling_at(seconds(time), seconds(1000) * line_time_us),
+                                board.at(seconds(time)));
+      ++count;
+    }
+  }
+  EXPECT_GT(corrected / count, recorded / count + 3);
+  // Without optical flow frames keep their rows, and the rig says so.
+  retime(RetimeMethod::kNearest, "nearest");
+  EXPECT_EQ(Take(folder.path() / "nearest").rig().cameras[1].line_time_us, 500);
 }
 
 TEST_F(RetimeTake, FramesOnTheirTickAreTakenByteForByte) {

@@ -17,6 +17,7 @@
 #include "cli/follow_links_option.h"
 #include "cli/info_rig.h"
 #include "cli/printing.h"
+#include "cli/shutter_text.h"
 #include "schemas/former_names.h"
 #include "store/take_summary.h"
 
@@ -185,6 +186,7 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
   if (!summary.restarts_error.empty()) line("Resumed", summary.restarts_error);
   line("Colour", document.color_space);
   line("Clock", fmt::format("{}; time stamps mark {}", document.clock, document.timestamp_event));
+  line("Shutter", shutter_text(summary.shutters));
   line("JPEG", restart_markers(summary));
   if (document.depth_range) {
     const schemas::DepthRange range = *document.depth_range;
@@ -233,6 +235,14 @@ Json json_of(const Camera& camera) {
   return json;
 }
 
+Json json_of(const store::ShutterSummary& shutters) {
+  if (shutters.is_global()) return {{"kind", "global"}, {"rolling_cameras", 0}};
+  return {{"kind", "rolling"},
+          {"rolling_cameras", shutters.rolling},
+          {"line_time_us", {shutters.min_line_time_us, shutters.max_line_time_us}},
+          {"read_out_ms", {shutters.min_read_out_ms, shutters.max_read_out_ms}}};
+}
+
 void print_json(const store::Take& take, const store::TakeSummary& summary) {
   const schemas::TakeDocument& document = take.document();
   Json cameras = Json::array();
@@ -249,6 +259,7 @@ void print_json(const store::Take& take, const store::TakeSummary& summary) {
             {"color_space", document.color_space},
             {"clock", document.clock},
             {"timestamp_event", document.timestamp_event},
+            {"shutter", json_of(summary.shutters)},
             {"scale", document.arbitrary_scale ? "arbitrary" : "metres"},
             {"nominal_fps", document.nominal_fps},
             {"fps", summary.fps},

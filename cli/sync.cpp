@@ -16,6 +16,7 @@
 #include "cli/depth_range_hint.h"
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
+#include "cli/shutter_text.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
 #include "schemas/former_names.h"
@@ -114,6 +115,10 @@ void print_text(const store::RetimeReport& report, const std::string& output) {
         "{}. Run `raystage verify` on the take\n",
         report.rotten, fmt::format("{}", fmt::join(report.rotten_cameras, ", ")));
   }
+  if (report.uncorrected > 0) {
+    print("Shutter    {} frames keep their rolling shutter: no other frame of the camera is near\n",
+          report.uncorrected);
+  }
   const store::TimelineStatistics there =
       store::timeline_statistics(store::read_timeline(store::Take(output)));
   print("Spread     after retiming: mean {:.3f} ms, at most {:.3f} ms\n",
@@ -128,6 +133,7 @@ void print_json(const store::ResyncResult& resync, const std::optional<store::Fl
   if (retimed) {
     json["retimed"] = {{"interpolated", retimed->interpolated},
                        {"unchanged", retimed->unchanged},
+                       {"uncorrected_rolling_shutter", retimed->uncorrected},
                        {"missing", retimed->missing},
                        {"rotten", retimed->rotten},
                        {"rotten_cameras", retimed->rotten_cameras},
@@ -198,6 +204,11 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     print_json(resync, flash, retimed);
   } else {
     print_text(resync, store::resync_findings(resync, flash));
+    const store::ShutterSummary shutters = store::summarise_shutters(take.rig());
+    if (!shutters.is_global()) {
+      print("Shutter    {}; the time of a frame is that of its middle row\n",
+            shutter_text(shutters));
+    }
     if (retimed) print_text(*retimed, options.output);
     print_depth_range_hint(options.output.empty() ? options.take : options.output);
   }

@@ -14,12 +14,25 @@
 
 namespace raystage::calibrate {
 
+namespace {
+
+/// Returns the line times that the rig of a take states.
+std::vector<double> known_line_times(const store::Take& take) {
+  std::vector<double> line_times_us;
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
+    line_times_us.push_back(camera.line_time_us);
+  }
+  return line_times_us;
+}
+
+}  // namespace
+
 RecordedTracks record_light_tracks(const store::Take& take, const LightDetectionOptions& options,
                                    const std::function<void(double)>& progress,
                                    const std::stop_token& stop) {
   const auto times = synchronised_frame_times(take);
   return {track_light(take, times, options, progress, stop), detection_cameras(take),
-          median_frame_period(times)};
+          median_frame_period(times), known_line_times(take)};
 }
 
 RecordedTracks record_board_tracks(const store::Take& take, const BoardDetector& detector,
@@ -27,7 +40,7 @@ RecordedTracks record_board_tracks(const store::Take& take, const BoardDetector&
                                    const std::stop_token& stop) {
   const auto times = synchronised_frame_times(take);
   return {track_board_corners(take, times, detector, progress, stop), detection_cameras(take),
-          median_frame_period(times)};
+          median_frame_period(times), known_line_times(take)};
 }
 
 TrackCalibrationOptions board_calibration_options(const Board& board,

@@ -16,7 +16,8 @@
 
 namespace raystage::calibrate {
 
-/// Returns the tracks of a small light in a take, in synchronised time. Errors and progress as
+/// Returns the tracks of a small light in a take, in synchronised time, with the line times that
+/// its rig states. Errors and progress as
 /// track_light().
 RecordedTracks record_light_tracks(const store::Take& take, const LightDetectionOptions& options,
                                    const std::function<void(double)>& progress,

@@ -2,8 +2,9 @@
 // Alternates between a calibration (calibrate()) and the estimation of clock offsets until they
 // converge, or six times. Each point gives an offset: the reprojection error along the motion of
 // the target divided by its speed in the picture. The offset of a camera is their median, weighted
-// by speed squared. Inputs: tracks per camera, pixels and ns. Cost: one bundle adjustment per
-// round.
+// by speed squared. Then line times are estimated, the times of the detections are corrected by
+// them, and all of it is repeated until they converge. Inputs: tracks per camera, pixels and ns.
+// Cost: one bundle adjustment per round.
 #include "calibrate/track_calibration.h"
 
 #include <fmt/format.h>
@@ -11,7 +12,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calibrate/geometry/line_times.h"
 #include "calibrate/geometry/median.h"
+#include "calibrate/geometry/time_correction.h"
+#include "rig/row_times.h"
 
 namespace raystage::calibrate {
 namespace {
@@ -112,36 +116,143 @@ CalibrationOptions continued(const CalibrationOptions& options, const Calibratio
   return next;
 }
 
+/// Calibrates from tracks whose times it corrects.
+class TimedCalibration {
+ public:
+  TimedCalibration(const RecordedTracks& light, const TrackCalibrationOptions& options)
+      : light_(light), options_(options), tracks_(light.tracks) {
+    const std::size_t cameras = tracks_.size();
+    line_times_us_.assign(cameras, 0);
+    result_.clock_offsets.assign(cameras, 0);
+    for (std::size_t c = 0; c < cameras; ++c) {
+      const double known = known_line_time(c);
+      is_given_.push_back(known != 0);
+      add_line_time(c, known);
+    }
+  }
+
+  TrackCalibration run() {
+    constexpr int kMaxLineTimeRounds = 6;
+    settle_clocks(options_.calibration);
+    for (int round = 0; round < kMaxLineTimeRounds && estimate_line_times(); ++round) {
+      settle_clocks(continued(options_.calibration, result_.calibration));
+    }
+    const bool is_any_given = std::ranges::find(is_given_, true) != is_given_.end();
+    if (line_times_.cameras.empty() && is_any_given) {
+      for (std::size_t c = 0; c < is_given_.size(); ++c) {
+        line_times_.cameras.push_back(
+            {is_given_[c] ? LineTimes::Source::kGiven : LineTimes::Source::kNone, line_times_us_[c],
+             line_times_us_[c], 0});
+      }
+    }
+    result_.calibration.line_times = line_times_;
+    return std::move(result_);
+  }
+
+ private:
+  double known_line_time(std::size_t camera) const {
+    const auto& start = options_.calibration.start;
+    const auto* known = start ? start->find(light_.cameras[camera].id) : nullptr;
+    if (known != nullptr && known->geometry.line_time_us != 0) return known->geometry.line_time_us;
+    return camera < light_.line_times_us.size() ? light_.line_times_us[camera] : 0;
+  }
+
+  void add_line_time(std::size_t camera, double line_time_us) {
+    line_times_us_[camera] += line_time_us;
+    if (line_time_us == 0) return;
+    const int height = light_.cameras[camera].height;
+    for (PointTrack& track : tracks_[camera]) {
+      for (PointTrack::FrameDetection& detection : track.frame_detections) {
+        if (detection.spot.result != LightDetectionStatus::kFound) continue;
+        detection.time += rig::row_time_ns(line_time_us, height, detection.spot.centre.y());
+      }
+    }
+  }
+
+  void add_clock_offset(std::size_t camera, double seconds) {
+    const auto offset = static_cast<Nanoseconds>(std::llround(seconds * kNsPerS));
+    result_.clock_offsets[camera] += offset;
+    for (PointTrack& track : tracks_[camera]) {
+      for (PointTrack::FrameDetection& detection : track.frame_detections) detection.time -= offset;
+    }
+  }
+
+  /// Solves, and corrects the clocks until they no longer change.
+  void settle_clocks(CalibrationOptions calibration) {
+    const double speed = median_speed(tracks_);
+    for (int round = 0;; ++round) {
+      result_.points = interpolate_tracks(tracks_, light_.cameras, light_.period, options_.points);
+      result_.calibration = calibrate(result_.points.detections, calibration);
+      if (!options_.estimates_clock_offsets || round == kMaxRounds) break;
+      const std::vector<double> ahead =
+          remaining_offsets(result_.calibration.model, result_.points, tracks_);
+      double most = 0;
+      for (std::size_t c = 0; c < tracks_.size(); ++c) {
+        add_clock_offset(c, ahead[c]);
+        most = std::max(most, std::abs(ahead[c]));
+      }
+      constexpr double kSettled = 0.02;  // pixels
+      if (most * speed <= kSettled) break;
+      calibration = continued(options_.calibration, result_.calibration);
+    }
+  }
+
+  std::vector<std::optional<Vector2d>> velocities() const {
+    const ArrayModel& model = result_.calibration.model;
+    const InterpolatedTracks& points = result_.points;
+    std::vector<std::optional<Vector2d>> velocities;
+    for (const ArrayModel::Observation& o : model.observations) {
+      const int number = model.point_ids[o.point];
+      const auto target = static_cast<std::size_t>(number % points.targets);
+      velocities.push_back(track_velocity(tracks_[o.camera][target],
+                                          points.begin + number / points.targets * points.period,
+                                          points.period));
+    }
+    return velocities;
+  }
+
+  /// Estimates the line times and corrects the times by them. Returns whether they have changed.
+  bool estimate_line_times() {
+    const bool is_board = !options_.calibration.board.empty();
+    if (!options_.estimates_line_times || is_board) return false;
+    const ArrayModel& model = result_.calibration.model;
+    TimeCorrectionOptions times;
+    times.estimates_clocks = options_.estimates_clock_offsets;
+    for (const bool is_given : is_given_) times.estimates_line_time.push_back(!is_given);
+    const auto correction =
+        estimate_time_correction(model, result_.calibration.solve.last, velocities(), times);
+    if (!correction) return false;
+    line_times_ = choose_line_times(model, line_times_us_, is_given_, *correction);
+    bool has_changed = false;
+    std::vector<double> change;
+    for (std::size_t c = 0; c < line_times_us_.size(); ++c) {
+      const double used = is_given_[c] ? line_times_us_[c] : line_times_.cameras[c].us;
+      change.push_back(used - line_times_us_[c]);
+      constexpr double kSettled = 1e-3;
+      has_changed = has_changed || std::abs(change[c]) > kSettled * std::abs(used);
+    }
+    if (!has_changed) return false;
+    for (std::size_t c = 0; c < change.size(); ++c) {
+      add_line_time(c, change[c]);
+      if (options_.estimates_clock_offsets) add_clock_offset(c, correction->clock_s[c]);
+    }
+    return true;
+  }
+
+  const RecordedTracks& light_;
+  const TrackCalibrationOptions& options_;
+  PointTracks tracks_;
+  std::vector<double> line_times_us_;  // that the times of tracks_ have
+  std::vector<bool> is_given_;
+  LineTimes line_times_;
+  TrackCalibration result_;
+};
+
 }  // namespace
 
 TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
                                        const TrackCalibrationOptions& options) {
-  PointTracks tracks = light.tracks;
-  TrackCalibration result;
-  result.clock_offsets.assign(tracks.size(), 0);
-  CalibrationOptions calibration = options.calibration;
-  const double speed = median_speed(tracks);
-  for (int round = 0;; ++round) {
-    result.points = interpolate_tracks(tracks, light.cameras, light.period, options.points);
-    result.calibration = calibrate(result.points.detections, calibration);
-    if (!options.estimates_clock_offsets || round == kMaxRounds) break;
-    const std::vector<double> ahead =
-        remaining_offsets(result.calibration.model, result.points, tracks);
-    double most = 0;
-    for (std::size_t c = 0; c < tracks.size(); ++c) {
-      const auto offset = static_cast<Nanoseconds>(std::llround(ahead[c] * kNsPerS));
-      result.clock_offsets[c] += offset;
-      for (PointTrack& track : tracks[c]) {
-        for (PointTrack::FrameDetection& detection : track.frame_detections)
-          detection.time -= offset;
-      }
-      most = std::max(most, std::abs(ahead[c]));
-    }
-    constexpr double kSettled = 0.02;  // pixels
-    if (most * speed <= kSettled) break;
-    calibration = continued(options.calibration, result.calibration);
-  }
-  return result;
+  return TimedCalibration(light, options).run();
 }
 
 std::string format_clock_offsets(const TrackCalibration& found,

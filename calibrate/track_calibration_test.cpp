@@ -9,6 +9,7 @@
 #include <cmath>
 #include <random>
 
+#include "rig/row_times.h"
 #include "testing/calibrate/test_synthetic_array.h"
 
 namespace raystage::calibrate {
@@ -30,7 +31,9 @@ struct Recording {
   std::vector<double> clock_ms;  // ahead of the true time
 };
 
-Recording recorded(double most_clock_ms, double noise_px) {
+/// `line_times_us`: of the cameras in turn.
+Recording recorded(double most_clock_ms, double noise_px,
+                   const std::vector<double>& line_times_us = {0}) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> share(-1, 1);
   std::normal_distribution<double> normal;
@@ -46,8 +49,15 @@ Recording recorded(double most_clock_ms, double noise_px) {
     PointTrack track;
     for (int i = 0; i < 150; ++i) {
       const double exposed_ms = phase + i * 100.0;
-      const auto pixel =
-          lens.project(recording.poses[c].camera_from_world(light_at(exposed_ms / 1000)));
+      const auto seen_at = [&](double ms) {
+        return lens.project(recording.poses[c].camera_from_world(light_at(ms / 1000)));
+      };
+      auto pixel = seen_at(exposed_ms);
+      // The row at which the light is decides when it is exposed.
+      for (int k = 0; k < 8 && pixel; ++k) {
+        const double line_time_us = line_times_us[c % line_times_us.size()];
+        pixel = seen_at(exposed_ms + 1e-3 * rig::row_time(line_time_us, 480, pixel->y()));
+      }
       PointTrack::FrameDetection detection{std::llround((exposed_ms + clock) * 1e6), {}};
       if (pixel && lens.contains(*pixel)) {
         detection.spot.result = LightDetectionStatus::kFound;
@@ -136,6 +146,62 @@ TEST(LightCalibrations, SetTheClocksToo) {
   EXPECT_LE(rms_reprojection_error(found.calibration.model), 0.2);
   EXPECT_TRUE(found.calibration.verdict.is_accepted())
       << ::testing::PrintToString(found.calibration.verdict.reasons);
+}
+
+// 15 ms from the first to the last of 480 rows.
+TEST(LightCalibrations, FindTheLineTime) {
+  for (const double line_time_us : {31.25, -31.25}) {
+    const Recording recording = recorded(8, 0.05, {line_time_us});
+    const TrackCalibration found = calibrated(recording, true);
+    const LineTimes& lines = found.calibration.line_times;
+    ASSERT_EQ(lines.cameras.size(), 9U);
+    for (const LineTimes::Camera& camera : lines.cameras) {
+      EXPECT_EQ(camera.source, LineTimes::Source::kFoundCommon);
+      EXPECT_NEAR(camera.us, line_time_us, 0.03 * 31.25);
+      EXPECT_NEAR(camera.us, line_time_us, 4 * camera.deviation_us);
+      EXPECT_LT(camera.deviation_us, 0.02 * 31.25);
+    }
+    const testing::PoseErrors errors =
+        testing::pose_errors(found.calibration.model, recording.poses);
+    EXPECT_LE(errors.metres, 0.001);
+    EXPECT_LE(rms_reprojection_error(found.calibration.model), 0.2);
+    EXPECT_TRUE(found.calibration.verdict.is_accepted())
+        << ::testing::PrintToString(found.calibration.verdict.reasons);
+    const schemas::RigDocument rig = make_rig_document(found.calibration, std::nullopt, "test");
+    EXPECT_EQ(rig.cameras[4].geometry.line_time_us, lines.cameras[4].us);
+    EXPECT_THAT(format_line_times(lines, found.calibration.model),
+                ::testing::HasSubstr("9 cameras: rolling, one value found, line time"));
+  }
+}
+
+TEST(LightCalibrations, FindLineTimesOfMixedCameras) {
+  const std::vector<double> true_us{0, 31.25, 62.5};
+  const TrackCalibration found = calibrated(recorded(0, 0.05, true_us), true);
+  for (std::size_t c = 0; c < 9; ++c) {
+    const LineTimes::Camera& camera = found.calibration.line_times.cameras[c];
+    EXPECT_NEAR(camera.us, true_us[c % 3], 2) << c;
+    EXPECT_EQ(camera.source,
+              c % 3 == 0 ? LineTimes::Source::kInsignificant : LineTimes::Source::kFound)
+        << c;
+  }
+}
+
+TEST(LightCalibrations, UseLineTimesThatAreGiven) {
+  Recording recording = recorded(0, 0.1, {31.25});
+  recording.light.line_times_us.assign(9, 31.25);
+  const TrackCalibration found = calibrated(recording, true);
+  EXPECT_EQ(found.calibration.line_times.cameras[3].source, LineTimes::Source::kGiven);
+  EXPECT_EQ(make_rig_document(found.calibration, std::nullopt, "").cameras[3].geometry.line_time_us,
+            31.25);
+  EXPECT_LE(rms_reprojection_error(found.calibration.model), 0.2);
+}
+
+TEST(LightCalibrations, DoNotFindALineTimeOfGlobalShutters) {
+  const TrackCalibration found = calibrated(recorded(8, 0.1), true);
+  for (const LineTimes::Camera& camera : found.calibration.line_times.cameras) {
+    EXPECT_EQ(camera.us, 0);
+    EXPECT_LT(std::abs(camera.estimate_us), 5 * camera.deviation_us);
+  }
 }
 
 TEST(LightCalibrations, WithWrongClocksAreNotVouchedFor) {

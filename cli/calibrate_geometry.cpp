@@ -31,7 +31,8 @@ struct GeometryOptions {
   double max_rms_px = 1;
   bool lens_per_camera = false, full_lens_model = false;
   std::optional<double> at_s;
-  bool features = false, trust_clocks = false, force = false, json = false, quiet = false;
+  bool features = false, trust_clocks = false, keep_line_times = false, force = false, json = false,
+       quiet = false;
   int threads = 0;
   std::optional<int> max_points;
   calibrate::LightDetectionOptions light;
@@ -111,6 +112,7 @@ GeometryResult calibrate_tracks(const calibrate::RecordedTracks& tracks,
                                 calibrate::TrackCalibrationOptions settings,
                                 const GeometryOptions& options) {
   settings.estimates_clock_offsets = !options.trust_clocks;
+  settings.estimates_line_times = !options.keep_line_times;
   const calibrate::TrackCalibration found = calibrate::calibrate_from_tracks(tracks, settings);
   if (!options.detections.empty()) write_tracked(found.points.detections, options.detections);
   if (!options.json && settings.estimates_clock_offsets) {
@@ -263,6 +265,10 @@ void add_light(CommandLine command, GeometryOptions& o) {
   command.flag("--no-clock-estimation", o.trust_clocks,
                "Use frame times unchanged; by default each camera's clock offset is estimated from "
                "the motion");
+  command.flag(
+      "--no-line-time-estimation", o.keep_line_times,
+      "Take cameras for global shutters unless the rig of the take or --initial-rig states "
+      "a line time; by default unknown line times are estimated from the motion");
   command.option("--detections FILE.csv", o.detections,
                  "Write the detections to this table, and its cameras to FILE.cameras.json in the "
                  "same folder");

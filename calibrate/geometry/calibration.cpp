@@ -219,6 +219,9 @@ schemas::RigDocument make_rig_document(const Calibration& calibration,
     out.geometry.height = camera.height;
     out.geometry.intrinsics = camera.intrinsics;
     out.geometry.world_from_camera = rig::matrix_from_pose(*camera.pose);
+    if (i < calibration.line_times.cameras.size()) {
+      out.geometry.line_time_us = calibration.line_times.cameras[i].us;
+    }
     if (calibration.grid && !out.geometry.row) {
       out.geometry.row = (*calibration.grid)[i]->row;
       out.geometry.column = (*calibration.grid)[i]->column;

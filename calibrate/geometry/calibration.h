@@ -7,6 +7,7 @@
 
 #include "calibrate/geometry/board_array.h"
 #include "calibrate/geometry/calibration_verdict.h"
+#include "calibrate/geometry/line_times.h"
 #include "calibrate/geometry/world_frame.h"
 #include "schemas/rig_document.h"
 
@@ -36,6 +37,7 @@ struct Calibration {
   std::string scale_source;  ///< "spacing", "distance", "board", "start", "held cameras" or empty
   int merged_points = 0;     ///< positions of a resting light that were merged
   std::optional<std::vector<std::optional<GridPosition>>> grid;
+  LineTimes line_times;  ///< from a moving light; empty: those of the start remain
   CalibrationVerdict verdict;
 };
 
@@ -44,7 +46,8 @@ struct Calibration {
 Calibration calibrate(const Detections& detections, const CalibrationOptions& options);
 
 /// Returns the calibrated cameras. Photometric responses and grid positions come from `start`;
-/// without it, from the calibration. Throws Error (bad input) if no camera is calibrated.
+/// without it, from the calibration. Line times are those of the calibration, or of `start`. Throws
+/// Error (bad input) if no camera is calibrated.
 schemas::RigDocument make_rig_document(const Calibration& calibration,
                                        const std::optional<schemas::RigDocument>& start,
                                        const std::string& name);

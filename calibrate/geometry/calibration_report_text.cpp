@@ -25,6 +25,13 @@ Json camera_json(const Calibration& calibration, std::size_t i, const CameraFit&
             {"inliers", fit.inliers}};
   json["rms_px"] = number(fit.rms_px);
   json["image_coverage"] = fit.image_coverage;
+  if (i < calibration.line_times.cameras.size()) {
+    const LineTimes::Camera& line = calibration.line_times.cameras[i];
+    json["line_time"] = {{"source", name_of(line.source)},
+                         {"us", line.us},
+                         {"estimate_us", line.estimate_us},
+                         {"deviation_us", line.deviation_us}};
+  }
   if (!camera.pose) return json;
   json["position"] = json_of(camera.pose->position);
   const LensParameters lens = lens_parameters(camera.intrinsics);
@@ -125,6 +132,7 @@ std::string format_calibration_report(const Calibration& calibration) {
   line(fmt::format("Spacing    {:.5g} {}{}", camera_spacing(model), unit,
                    calibration.grid ? ", in a grid" : ""));
   if (calibration.scale_is_known) line("Scale      from " + calibration.scale_source);
+  text += format_line_times(calibration.line_times, model);
   double position = 0, turn = 0, focal = 0;
   for (const auto& camera : calibration.uncertainty ? calibration.uncertainty->cameras
                                                     : decltype(Uncertainty::cameras){}) {

@@ -6,8 +6,6 @@
 // deviation per parameter. Cost: observations per point squared, plus parameters cubed.
 #include "calibrate/geometry/uncertainty.h"
 
-#include <ceres/jet.h>
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -15,6 +13,7 @@
 #include <numbers>
 
 #include "calibrate/geometry/median.h"
+#include "calibrate/geometry/observation_jacobian.h"
 #include "calibrate/geometry/parameter_layout.h"
 
 namespace raystage::calibrate {
@@ -27,97 +26,6 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr double kUnknown = 1e6;  // tolerances: deviation of undetermined directions
-
-/// Jacobian of a pixel by the point in the camera (3) and the lens (9).
-using LensJacobian = Eigen::Matrix<double, 2, 3 + kLensParameterCount>;
-
-LensJacobian lens_jacobian(const Vector3d& in_camera, const schemas::Intrinsics& lens,
-                           bool square_pixels) {
-  using Jet = ceres::Jet<double, 3 + kLensParameterCount>;
-  Eigen::Matrix<Jet, 3, 1> point;
-  for (int i = 0; i < 3; ++i) point[i] = Jet(in_camera[i], i);
-  std::array<Jet, kLensParameterCount> values;
-  const LensParameters plain = lens_parameters(lens);
-  for (std::size_t i = 0; i < values.size(); ++i)
-    values[i] = Jet(plain[i], 3 + static_cast<int>(i));
-  const Eigen::Matrix<Jet, 2, 1> pixel = project_to_pixel<Jet>(point, values.data(), square_pixels);
-  LensJacobian jacobian;
-  jacobian.row(0) = pixel.x().v.transpose();
-  jacobian.row(1) = pixel.y().v.transpose();
-  return jacobian;
-}
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
-/// Jacobian rows of one observation: its parameters, and the derivatives by them and by its point.
-struct Rows {
-  std::vector<Index> unknowns;
-  Eigen::Matrix<double, 2, Eigen::Dynamic> by_unknowns;
-  Eigen::Matrix<double, 2, 3> by_point;
-};
-
-Rows rows_of(const ArrayModel& model, const ArrayModel::Observation& o,
-             const ParameterLayout& layout) {
-  const auto i = static_cast<std::size_t>(o.camera);
-  const ArrayModel::Camera& camera = model.cameras[i];
-  const Vector3d in_camera = camera.pose->camera_from_world(*model.points[o.point]);
-  const LensJacobian jacobian = lens_jacobian(in_camera, camera.intrinsics, layout.square_pixels);
-  const Eigen::Matrix<double, 2, 3> by_place = jacobian.leftCols<3>();
-  const Matrix3d camera_from_world = camera.pose->world_from_camera_rotation.transpose();
-  Rows rows;
-  rows.by_point = by_place * camera_from_world;
-  const Index of_pose = layout.pose[i] == kFixed ? 0 : kPoseParameterCount;
-  const Index of_lens =
-      layout.lens[i] == kFixed ? 0 : static_cast<Index>(layout.free_lens_parameters.size());
-  rows.by_unknowns.resize(2, of_pose + of_lens);
-  if (of_pose != 0) {
-    rows.by_unknowns.leftCols<3>() = -by_place * cross_matrix(in_camera);
-    rows.by_unknowns.middleCols<3>(3) = -rows.by_point;
-    for (Index k = 0; k < of_pose; ++k) rows.unknowns.push_back(layout.pose[i] + k);
-  }
-  for (Index k = 0; k < of_lens; ++k) {
-    rows.by_unknowns.col(of_pose + k) = jacobian.col(3 + layout.free_lens_parameters[k]);
-    rows.unknowns.push_back(layout.lens[i] + k);
-  }
-  return rows;
-}
-
-/// Information matrix of the parameters after points are eliminated (reduced camera system), for
-/// noise of one pixel.
-struct Information {
-  MatrixXd matrix;
-  int observations = 0, eliminated = 0;  // number of observations; number of eliminated parameters
-  double squared_error = 0;
-};
-
-/// Adds observations that share parameters to be eliminated: a point or a body. `by_common`:
-/// derivatives of all rows by these.
-void add_common(Information& sum, const std::vector<Rows>& rows, const MatrixXd& by_common) {
-  // Elimination removes the column space of the derivatives. The orthonormal basis is well
-  // conditioned even for distant points, whose depth moves pixels little.
-  const Eigen::HouseholderQR<MatrixXd> qr(by_common);
-  const MatrixXd basis = qr.householderQ() * MatrixXd::Identity(by_common.rows(), by_common.cols());
-  std::vector<MatrixXd> across;  // parameters x basis
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    across.emplace_back(rows[k].by_unknowns.transpose() *
-                        basis.middleRows<2>(2 * static_cast<Index>(k)));
-  }
-  for (std::size_t a = 0; a < rows.size(); ++a) {
-    for (std::size_t b = 0; b < rows.size(); ++b) {
-      MatrixXd block = -across[a] * across[b].transpose();
-      if (a == b) block += rows[a].by_unknowns.transpose() * rows[a].by_unknowns;
-      for (Index row = 0; row < block.rows(); ++row) {
-        for (Index column = 0; column < block.cols(); ++column) {
-          sum.matrix(rows[a].unknowns[row], rows[b].unknowns[column]) += block(row, column);
-        }
-      }
-    }
-  }
-}
 
 /// Groups observations by point, or by body.
 std::vector<std::vector<const ArrayModel::Observation*>> groups_of(const ArrayModel& model) {
@@ -133,21 +41,21 @@ std::vector<std::vector<const ArrayModel::Observation*>> groups_of(const ArrayMo
   return groups;
 }
 
-Information information_of(const ArrayModel& model, const ParameterLayout& layout) {
+ReducedNormalEquations information_of(const ArrayModel& model, const ParameterLayout& layout) {
   const CameraModels lenses = camera_models(model);
   const bool has_bodies = !model.bodies.empty();
   const Index freedom = has_bodies ? 6 : 3;
-  Information sum;
-  sum.matrix = MatrixXd::Zero(layout.size, layout.size);
+  ReducedNormalEquations sum(layout.size);
   const auto groups = groups_of(model);
   for (std::size_t g = 0; g < groups.size(); ++g) {
-    std::vector<Rows> rows;
+    std::vector<ObservationRows> rows;
+    std::vector<Eigen::Vector2d> residuals;
     MatrixXd by_common(2 * static_cast<Index>(groups[g].size()), freedom);
     for (const ArrayModel::Observation* o : groups[g]) {
       const auto residual = reprojection_residual(model, lenses, *o);
       if (!residual) continue;
-      rows.push_back(rows_of(model, *o, layout));
-      sum.squared_error += residual->squaredNorm();
+      rows.push_back(observation_rows(model, *o, layout));
+      residuals.push_back(*residual);
       const Index at = 2 * (static_cast<Index>(rows.size()) - 1);
       by_common.block<2, 3>(at, 0) = rows.back().by_point;
       if (freedom == 6) {
@@ -157,9 +65,7 @@ Information information_of(const ArrayModel& model, const ParameterLayout& layou
     }
     if (rows.empty()) continue;
     by_common.conservativeResize(2 * static_cast<Index>(rows.size()), freedom);
-    sum.observations += static_cast<int>(rows.size());
-    sum.eliminated += static_cast<int>(freedom);
-    add_common(sum, rows, by_common);
+    sum.add(rows, by_common, residuals);
   }
   return sum;
 }
@@ -197,8 +103,8 @@ MatrixXd free_motions(const ArrayModel& model, const ParameterLayout& layout) {
   return growth;
 }
 
-/// Returns the correlation of successive residuals of a camera, in the order of the points'
-/// numbers; at least 0.
+}  // namespace
+
 double residual_correlation(const ArrayModel& model) {
   const CameraModels lenses = camera_models(model);
   std::vector<std::optional<Eigen::Vector2d>> before(model.cameras.size());
@@ -217,8 +123,6 @@ double residual_correlation(const ArrayModel& model) {
   constexpr double kMax = 0.95;
   return alone > 0 ? std::clamp(together / alone, 0.0, kMax) : 0;
 }
-
-}  // namespace
 
 double median_neighbour_distance(const ArrayModel& model) {
   std::vector<double> nearest;
@@ -239,7 +143,7 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
                                                 const Tolerances& tolerances, double min_noise_px) {
   const ParameterLayout layout = make_parameter_layout(model, free);
   if (layout.size == 0) return std::nullopt;
-  const Information information = information_of(model, layout);
+  const ReducedNormalEquations information = information_of(model, layout);
   if (information.observations == 0) return std::nullopt;
   const MatrixXd motions = free_motions(model, layout);
   const double surplus = 2.0 * information.observations - information.eliminated -

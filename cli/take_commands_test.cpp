@@ -74,6 +74,21 @@ TEST_F(TakeCommands, Json) {
   EXPECT_NEAR(json["alias_free_distance_m"].get<double>(), 7.99, 0.005);
 }
 
+TEST_F(TakeCommands, SayWhatIsAssumedAboutShutters) {
+  EXPECT_THAT(run("info " + quoted).output, HasSubstr("Shutter     global"));
+  EXPECT_THAT(run("sync " + quoted).output, Not(HasSubstr("Shutter")));
+  schemas::RigDocument rig = testing::rig_document(4);
+  rig.cameras[0].geometry.line_time_us = rig.cameras[3].geometry.line_time_us = 62.5;
+  schemas::write_rig(rig, take / "rig.json");
+  const std::string found =
+      "rolling in 2 of 4 cameras: line time 62.5 us, read-out 15 ms a frame (rig.json)";
+  EXPECT_THAT(run("info " + quoted).output, HasSubstr(found));
+  EXPECT_THAT(run("sync " + quoted).output, HasSubstr(found));
+  const auto json = nlohmann::json::parse(run("info --json " + quoted).output);
+  EXPECT_EQ(json["shutter"]["kind"], "rolling");
+  EXPECT_EQ(json["shutter"]["read_out_ms"], (nlohmann::json{15, 15}));
+}
+
 TEST_F(TakeCommands, GuessedPlacesAreNotMeasured) {
   schemas::RigDocument rig = testing::rig_document(4);
   rig.name = schemas::kUncalibratedRigName;

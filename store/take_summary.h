@@ -43,7 +43,7 @@ struct TakeSummary {
   std::vector<std::pair<std::string, Nanoseconds>> late_nodes;
   std::string restarts_error;  ///< why neither is known; empty if they are
   ShutterSummary shutters;
-  bool calibrated = true;      ///< false: spacing and lenses are estimates
+  bool calibrated = true;  ///< false: spacing and lenses are estimates
   /// Median distance from a camera to its nearest neighbour, metres; 0 for one camera.
   double spacing = 0;
   /// Distance from which the scene is free of aliasing (Eq. 4.3), metres; 0 if undefined.

@@ -10,10 +10,10 @@
 #include "calibrate/geometry/time_correction.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 #include "calibrate/geometry/observation_jacobian.h"
-#include "calibrate/geometry/uncertainty.h"
 #include "rig/row_times.h"
 
 namespace raystage::calibrate {
@@ -70,39 +70,86 @@ void add_time(const ArrayModel::Observation& o, const Vector2d& velocity, int he
   add(layout.line[o.camera], rig::row_time(1, height, o.pixel.y()) * velocity);
 }
 
-ReducedNormalEquations equations_of(const ArrayModel& model,
-                                    const std::vector<std::optional<Vector2d>>& velocities,
-                                    const TimeLayout& layout) {
-  const CameraModels lenses = camera_models(model);
-  ReducedNormalEquations sum(layout.size);
+/// The observations of one point that are used, with their derivatives.
+struct PointObservations {
   std::vector<ObservationRows> rows;
   std::vector<Vector2d> residuals;
-  const auto add_point = [&] {
-    constexpr std::size_t kTwo = 2;
-    if (rows.size() >= kTwo) {
-      MatrixXd by_point(2 * static_cast<Index>(rows.size()), 3);
-      for (std::size_t k = 0; k < rows.size(); ++k) {
-        by_point.middleRows<2>(2 * static_cast<Index>(k)) = rows[k].by_point;
-      }
-      sum.add(rows, by_point, residuals);
+  std::vector<int> cameras;
+
+  MatrixXd by_point() const {
+    MatrixXd all(2 * static_cast<Index>(rows.size()), 3);
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      all.middleRows<2>(2 * static_cast<Index>(k)) = rows[k].by_point;
     }
-    rows.clear();
-    residuals.clear();
+    return all;
+  }
+};
+
+/// Calls `visit` for each point with at least two observations that are used, in their order.
+template <class Visit>
+void for_points(const ArrayModel& model, const std::vector<std::optional<Vector2d>>& velocities,
+                const TimeLayout& layout, const Visit& visit) {
+  const CameraModels lenses = camera_models(model);
+  PointObservations point;
+  int number = -1;
+  const auto finish = [&] {
+    if (point.rows.size() > 1) visit(point);
+    point = {};
   };
-  int point = -1;
   for (std::size_t i = 0; i < model.observations.size(); ++i) {
     const ArrayModel::Observation& o = model.observations[i];
-    if (o.point != point) add_point();
-    point = o.point;
+    if (o.point != number) finish();
+    number = o.point;
     if (!model.counts(o) || !velocities[i]) continue;
     const auto residual = reprojection_residual(model, lenses, o);
     if (!residual) continue;
-    rows.push_back(observation_rows(model, o, layout.of_model));
-    residuals.push_back(*residual);
-    add_time(o, *velocities[i], model.cameras[o.camera].height, layout, rows.back());
+    point.rows.push_back(observation_rows(model, o, layout.of_model));
+    point.residuals.push_back(*residual);
+    point.cameras.push_back(o.camera);
+    add_time(o, *velocities[i], model.cameras[o.camera].height, layout, point.rows.back());
   }
-  add_point();
-  return sum;
+  finish();
+}
+
+/// What the step leaves of the residuals.
+struct Remainder {
+  double squared_error = 0;  // pixels squared
+  double correlation = 0;    // of successive residuals of a camera, 0 to 0.95
+};
+
+Remainder remainder_after(const ArrayModel& model,
+                          const std::vector<std::optional<Vector2d>>& velocities,
+                          const TimeLayout& layout, const VectorXd& step) {
+  Remainder remainder;
+  std::vector<std::optional<Vector2d>> last(model.cameras.size());
+  double together = 0, alone = 0;
+  for_points(model, velocities, layout, [&](const PointObservations& point) {
+    VectorXd off(2 * static_cast<Index>(point.rows.size()));
+    for (std::size_t k = 0; k < point.rows.size(); ++k) {
+      Vector2d of_observation = point.residuals[k];
+      for (std::size_t u = 0; u < point.rows[k].unknowns.size(); ++u) {
+        of_observation -=
+            point.rows[k].by_unknowns.col(static_cast<Index>(u)) * step[point.rows[k].unknowns[u]];
+      }
+      off.segment<2>(2 * static_cast<Index>(k)) = of_observation;
+    }
+    const MatrixXd by_point = point.by_point();
+    const VectorXd shift = by_point.colPivHouseholderQr().solve(off);
+    off -= by_point * shift;
+    remainder.squared_error += off.squaredNorm();
+    for (std::size_t k = 0; k < point.rows.size(); ++k) {
+      const Vector2d now = off.segment<2>(2 * static_cast<Index>(k));
+      auto& before = last[point.cameras[k]];
+      if (before) {
+        together += now.dot(*before);
+        alone += (now.squaredNorm() + before->squaredNorm()) / 2;
+      }
+      before = now;
+    }
+  });
+  constexpr double kMax = 0.95;
+  if (alone > 0) remainder.correlation = std::clamp(together / alone, 0.0, kMax);
+  return remainder;
 }
 
 }  // namespace
@@ -120,7 +167,10 @@ std::optional<TimeCorrection> estimate_time_correction(
     if (layout.line[c] != kFixed) found.line_cameras.push_back(static_cast<int>(c));
   }
   if (found.line_cameras.size() < 2) return std::nullopt;
-  const ReducedNormalEquations equations = equations_of(model, velocities, layout);
+  ReducedNormalEquations equations(layout.size);
+  for_points(model, velocities, layout, [&](const PointObservations& point) {
+    equations.add(point.rows, point.by_point(), point.residuals);
+  });
   const double surplus =
       2.0 * equations.observations - equations.eliminated - static_cast<double>(layout.size);
   if (!(surplus > 0)) return std::nullopt;
@@ -143,10 +193,11 @@ std::optional<TimeCorrection> estimate_time_correction(
     const Index at = layout.line[found.line_cameras[static_cast<std::size_t>(k)]];
     of_lines(at, k) = scale[at];
   }
-  const double squared_error = std::max(equations.squared_error - step.dot(equations.right), 0.0);
-  found.noise_px = std::sqrt(squared_error / surplus);
-  const double correlation = residual_correlation(model);
-  const double variance = found.noise_px * found.noise_px * (1 + correlation) / (1 - correlation);
+  // Of what the step leaves: before it, residuals have the effect of the line times.
+  const Remainder remainder = remainder_after(model, velocities, layout, step);
+  found.noise_px = std::sqrt(remainder.squared_error / surplus);
+  const double variance =
+      found.noise_px * found.noise_px * (1 + remainder.correlation) / (1 - remainder.correlation);
   found.line_covariance =
       kUsPerSecond * kUsPerSecond * variance * of_lines.transpose() * solver.solve(of_lines);
   double mean = 0;

@@ -103,8 +103,8 @@ MatrixXd free_motions(const ArrayModel& model, const ParameterLayout& layout) {
   return growth;
 }
 
-}  // namespace
-
+/// Returns the correlation of successive residuals of a camera, in the order of the points'
+/// numbers; at least 0.
 double residual_correlation(const ArrayModel& model) {
   const CameraModels lenses = camera_models(model);
   std::vector<std::optional<Eigen::Vector2d>> before(model.cameras.size());
@@ -123,6 +123,8 @@ double residual_correlation(const ArrayModel& model) {
   constexpr double kMax = 0.95;
   return alone > 0 ? std::clamp(together / alone, 0.0, kMax) : 0;
 }
+
+}  // namespace
 
 double median_neighbour_distance(const ArrayModel& model) {
   std::vector<double> nearest;

@@ -56,10 +56,6 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
                                                 const Tolerances& tolerances,
                                                 double min_noise_px = 0.02);
 
-/// Returns the correlation of successive residuals of a camera, in the order of the points'
-/// numbers, 0 to 0.95.
-double residual_correlation(const ArrayModel& model);
-
 /// Returns the median distance from a camera to the nearest other, world units; 0 with fewer than
 /// two cameras.
 double median_neighbour_distance(const ArrayModel& model);

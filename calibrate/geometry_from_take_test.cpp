@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "simulate/simulate.h"
+#include "testing/test_folder.h"
 
 namespace raystage::calibrate {
 namespace {
@@ -87,6 +89,38 @@ TEST(BoardCalibrationSettings, UseAllCornersOfStillInstants) {
   EXPECT_TRUE(settings.points.prefers_still_instants);
   EXPECT_EQ(settings.points.max_points, 80);
   EXPECT_EQ(board_calibration_options(board, 20).points.max_points, 20);
+}
+
+// A whole simulated take: 240 rows in 15 ms, node clocks up to 3 ms apart, no line time in rig.json.
+TEST(LightTakes, ShowTheLineTime) {
+  simulate::SimulationOptions options;
+  options.scene = "moving_light";
+  options.seed = 2;
+  options.rows = 5;
+  options.columns = 2;
+  options.spacing = 0.1;
+  options.mounting_error_deg = 4;
+  options.lens_deviation = 0;
+  options.nominal_calibration = true;
+  options.seconds = 12;
+  options.clock_offset = 0.003;
+  options.cameras_per_node = 4;
+  options.startup_loss_s = 0;
+  options.line_time_us = 62.5;
+  options.truth_views = 0;
+  const testing::TestFolder folder;
+  simulate::simulate(options, folder.path() / "take", "test");
+  const store::Take take(folder.path() / "take");
+  const RecordedTracks tracks = record_light_tracks(take, {}, [](double) {}, {});
+  EXPECT_THAT(tracks.line_times_us, ::testing::Each(0));
+  TrackCalibrationOptions settings;
+  settings.calibration.scale.spacing_m = options.spacing;
+  const TrackCalibration found = calibrate_from_tracks(tracks, settings);
+  const LineTimes::Camera& line = found.calibration.line_times.cameras.front();
+  EXPECT_EQ(line.source, LineTimes::Source::kFoundCommon);
+  EXPECT_NEAR(line.us, options.line_time_us, 0.03 * options.line_time_us);
+  EXPECT_LT(line.deviation_us, 0.03 * options.line_time_us);
+  EXPECT_TRUE(found.calibration.verdict.is_accepted());
 }
 
 }  // namespace

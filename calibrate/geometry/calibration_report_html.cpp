@@ -66,6 +66,17 @@ std::string facts(const Calibration& calibration) {
   fact(calibration.scale_is_known ? fmt::format("{:.1f} mm", 1000 * camera_spacing(model))
                                   : std::string("unknown"),
        "camera spacing");
+  double least = 0, most = 0;  // of rolling shutters
+  for (const LineTimes::Camera& camera : calibration.line_times.cameras) {
+    if (camera.us == 0) continue;
+    least = least == 0 ? camera.us : std::min(least, camera.us);
+    most = most == 0 ? camera.us : std::max(most, camera.us);
+  }
+  if (least != 0) {
+    fact(least == most ? fmt::format("{:.2f} us", least)
+                       : fmt::format("{:.2f} to {:.2f} us", least, most),
+         "line time of rolling shutters");
+  }
   return html + "</div>";
 }
 

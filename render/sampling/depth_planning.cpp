@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <vector>
 
 #include "render/sampling/fisheye_footprint.h"
 
@@ -144,11 +145,21 @@ void mark_region(const SourceView& c, const Region& pixels, Interpolation interp
   }
 }
 
-/// As mark_block(), in a fisheye: bounds each piece by the directions of its corners.
+/// Bounds the positions in a fisheye of a piece of a block between two of its depths.
+FisheyeFootprint footprint_of_piece(const DepthSource& source, const ViewBlock& block,
+                                    double farther, double nearer) {
+  std::array<Eigen::Vector3d, 8> corners;
+  std::ranges::copy(directions_at(source, block, farther), corners.begin());
+  std::ranges::copy(directions_at(source, block, nearer), corners.begin() + 4);
+  return fisheye_footprint(source.camera, corners, false);
+}
+
+/// As mark_block(), in a fisheye. Blocks of which the bound is loose are halved.
 void mark_in_fisheye(const DepthSource& source, const ViewBlock& block,
                      Interpolation interpolation) {
+  constexpr double kLoose = 2;      // pixels
+  constexpr int kSmallestSide = 4;  // pixels of the view
   const SourceView& c = source.camera;
-  std::array<Eigen::Vector3d, 8> corners;  // farther ones, then nearer ones
   const auto far = directions_at(source, block, block.farthest);
   const auto near = directions_at(source, block, block.nearest);
   double longest = 0;
@@ -157,19 +168,35 @@ void mark_in_fisheye(const DepthSource& source, const ViewBlock& block,
     longest = std::max(longest, moved.cwiseAbs().maxCoeff());
   }
   const int pieces = pieces_of(longest);
-  std::ranges::copy(far, corners.begin());
+  std::vector<FisheyeFootprint> footprints;
+  bool is_loose = false;
   for (int piece = 1; piece <= pieces; ++piece) {
-    std::ranges::copy(directions_at(source, block, depth_of_piece(block, piece, pieces)),
-                      corners.begin() + 4);
-    const FisheyeFootprint found = fisheye_footprint(c, corners, false);
+    const double farther = piece == 1 ? block.farthest : depth_of_piece(block, piece - 1, pieces);
+    footprints.push_back(
+        footprint_of_piece(source, block, farther, depth_of_piece(block, piece, pieces)));
+    using Place = FisheyeFootprint::Place;
+    const FisheyeFootprint& found = footprints.back();
+    is_loose = is_loose || found.place == Place::kUnclear ||
+               (found.place == Place::kSeen && found.margin > kLoose);
+  }
+  const int columns = block.right - block.left, rows = block.bottom - block.top;
+  if (is_loose && std::max(columns, rows) > kSmallestSide) {
+    ViewBlock first = block, second = block;
+    if (columns >= rows) {
+      first.right = second.left = block.left + columns / 2;
+    } else {
+      first.bottom = second.top = block.top + rows / 2;
+    }
+    mark_in_fisheye(source, first, interpolation);
+    mark_in_fisheye(source, second, interpolation);
+    return;
+  }
+  for (const FisheyeFootprint& found : footprints) {
     if (found.place == FisheyeFootprint::Place::kUnclear) {
       mark_pixels(c, 0, c.width - 1, 0, c.height - 1);
-      return;
-    }
-    if (found.place == FisheyeFootprint::Place::kSeen) {
+    } else if (found.place == FisheyeFootprint::Place::kSeen) {
       mark_region(c, {{found.left, found.right}, {found.top, found.bottom}}, interpolation);
     }
-    std::copy(corners.begin() + 4, corners.end(), corners.begin());
   }
 }
 

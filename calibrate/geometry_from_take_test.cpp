@@ -91,7 +91,8 @@ TEST(BoardCalibrationSettings, UseAllCornersOfStillInstants) {
   EXPECT_EQ(board_calibration_options(board, 20).points.max_points, 20);
 }
 
-// A whole simulated take: 240 rows in 15 ms, node clocks up to 3 ms apart, no line time in rig.json.
+// A whole simulated take: 240 rows in 15 ms, node clocks up to 3 ms apart, no line time in
+// rig.json.
 TEST(LightTakes, ShowTheLineTime) {
   simulate::SimulationOptions options;
   options.scene = "moving_light";

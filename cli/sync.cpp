@@ -223,7 +223,8 @@ void add_retime_options(CommandLine& command, Options& options) {
        {"flow", store::RetimeMethod::kFlow}},
       "Interpolation to the ticks' times in the new take: nearest (default) copies each frame byte "
       "for byte with its corrected time; blend averages the frames before and after; flow "
-      "interpolates by optical flow, with occlusions filled from the frame that shows them");
+      "interpolates by optical flow, with occlusions filled from the frame that shows them, and "
+      "moves the rows of rolling shutters to one time");
   command.option("-o,--output NEWTAKE", options.output,
                  "New take with the retimed frames and the timeline; TAKE is not modified");
   command

@@ -27,10 +27,10 @@ constexpr int kTimesOfExposure = 32;
 /// The half width and height of the array, metres, along its x and y axes.
 struct Extent {
   double half_x = 0, half_y = 0;
-  bool looks_around = false;
+  double turn = 0;  ///< of the path about the array, radians to each side; pi: all around
 };
 Extent extent_of(const SimulationOptions& s) {
-  if (!s.given_rig) return {s.spacing * (s.columns - 1) / 2, s.spacing * (s.rows - 1) / 2, false};
+  if (!s.given_rig) return {s.spacing * (s.columns - 1) / 2, s.spacing * (s.rows - 1) / 2, 0};
   const rig::Rig array = rig::rig_from_document(*s.given_rig);
   Eigen::Vector3d low = array.cameras[0].pose.position, high = low;
   for (const rig::Rig::Camera& camera : array.cameras) {
@@ -40,7 +40,12 @@ Extent extent_of(const SimulationOptions& s) {
   // Within an array that looks around, a half is near its cameras' rays in all directions.
   const double part = array.looks_around() ? 0.35 : 0.5;
   const Eigen::Vector3d half = part * (high - low);
-  return {half.x(), half.y(), array.looks_around()};
+  // Rays of an array on a hemisphere end beside it.
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const rig::Rig::Camera& camera : array.cameras) sum += camera.pose.viewing_direction();
+  const bool looks_ahead = sum.norm() > 0.3 * static_cast<double>(array.cameras.size());
+  const double turn = looks_ahead ? 40 * kDegrees : std::numbers::pi;
+  return {half.x(), half.y(), array.looks_around() ? turn : 0};
 }
 
 // Returns the camera key at `u`, from 0 at the first frame to 1 at the last.
@@ -49,12 +54,15 @@ schemas::ShotDocument::CameraKey key_at(const SimulationOptions& s, double frame
   // Narrower than the cameras, so that the view stays within their common field of view.
   const double widest = std::min(s.horizontal_fov_deg, 120.0);
   const double fov = widest * (0.71 + 0.05 * std::cos(kTurn * u));
-  const auto [half_x, half_y, looks_around] = extent_of(s);
+  const auto [half_x, half_y, turn] = extent_of(s);
   // Moves along the axis as far as the corner rays still pass between the outer cameras.
   const double slope = std::tan(fov / 2 * kDegrees);
   const double depth = 0.35 * std::min(half_x, half_y * s.view_width() / s.view_height()) / slope;
-  // Around the array once, if it looks around.
-  const double yaw = looks_around ? kTurn * u : 0.03 * widest * std::sin(kTurn * u) * kDegrees;
+  // An array that looks around is shown all around, or as far as its cameras look.
+  const double small = 0.03 * widest * std::sin(kTurn * u) * kDegrees;
+  const double yaw = turn == 0                  ? small
+                     : turn >= std::numbers::pi ? kTurn * u
+                                                : turn * std::sin(kTurn * u);
   const double pitch = 0.015 * widest * std::sin(kTurn * u + 1) * kDegrees;
   const rig::Pose of_array = simulated_rig_pose(s);
   const Eigen::Quaterniond orientation(Eigen::Quaterniond(of_array.world_from_camera_rotation) *

@@ -3,9 +3,9 @@
 """Compares arrays of fisheyes that look around with arrays of pinholes at the same places.
 
 `sphere`: the 16 f-theta cameras of facebook360_dep's real rig (its rig.json in the data folder), with smaller pictures. `dome`:
-46 of OpenCV's fisheyes on a hemisphere of 0.46 m radius that look outwards, 120 degrees wide. Each fisheye of the other array is replaced by
-pinholes of 95 degrees at its place, which together see the same, with as many pixels per degree in the mean. Both see the built-in set, which
-is a room; the true views turn once within the array. Prints PSNR and the pixels decoded for each that is needed, per method.
+46 of OpenCV's fisheyes on a hemisphere of 0.46 m radius that look outwards, 120 degrees wide. In the other array each fisheye is replaced by
+pinholes at its place, five of 95 degrees or one of 120, which see the same with as many pixels per degree in the mean. Both see the built-in set, which
+is a room, and are compared at the same views within the array. Prints PSNR and the pixels decoded for each that is needed, per method.
 
 usage: RAYSTAGE_BIN_DIR=build/release/bin fisheyes.py [--rigs sphere dome] [--methods METHOD...] [--width PIXELS] [--out FOLDER]
 """
@@ -21,7 +21,7 @@ import numpy as np
 
 from rendered_frames import run
 
-HALF_FACE = math.radians(47.5)
+
 
 
 def turn(degrees, axis):
@@ -32,21 +32,26 @@ def turn(degrees, axis):
 
 
 def pinholes_of(rig):
-    """Returns a rig of five pinholes for each fisheye: ahead, and to its sides."""
-    faces = [np.eye(3)] + [turn(angle, axis) for axis in ([0, 1, 0], [1, 0, 0]) for angle in (90, -90)]
+    """Returns a rig of pinholes for each fisheye: five, ahead and to its sides, for a hemisphere, otherwise one."""
+    is_hemisphere = "half_angle" in rig["cameras"][0]["intrinsics"]
+    half = math.radians(47.5 if is_hemisphere else 60)
+    faces = [np.eye(3)]
+    if is_hemisphere:
+        faces += [turn(angle, axis) for axis in ([0, 1, 0], [1, 0, 0]) for angle in (90, -90)]
     cameras = []
     for camera in rig["cameras"]:
         lens = camera["intrinsics"]
         widest = lens.get("half_angle", math.radians(60))
         factors = lens.get("radial_distortion", [])
         distance = widest * (1 + sum(factor * widest ** (2 * i + 2) for i, factor in enumerate(factors)))
-        focal = lens["fx"] * distance / widest * HALF_FACE / math.tan(HALF_FACE)
-        side = round(2 * focal * math.tan(HALF_FACE))
+        focal = lens["fx"] * distance / widest * half / math.tan(half)
+        width = round(2 * focal * math.tan(half))
+        height = width if is_hemisphere else round(width * camera["height"] / camera["width"])
         for index, face in enumerate(faces):
             pose = np.array(camera["world_from_camera"])
             pose[:3, :3] = pose[:3, :3] @ face
-            cameras.append({"id": f"{camera['id']}_{index}", "width": side, "height": side,
-                            "intrinsics": {"fx": focal, "fy": focal, "cx": side / 2, "cy": side / 2},
+            cameras.append({"id": f"{camera['id']}_{index}", "width": width, "height": height,
+                            "intrinsics": {"fx": focal, "fy": focal, "cx": width / 2, "cy": height / 2},
                             "world_from_camera": pose.tolist()})
     return {"schema": "raystage/rig/1", "name": "pinholes", "cameras": cameras}
 
@@ -74,22 +79,29 @@ def dome():
 def sphere(base):
     """Returns facebook360_dep's rig."""
     data = os.environ.get("RAYSTAGE_DATA", pathlib.Path(__file__).resolve().parents[3] / "shared" / "data")
-    run("import", pathlib.Path(data) / "facebook360" / "rig.json", "--rig-only", "-o", base / "facebook360.json")
-    return json.loads((base / "facebook360.json").read_text())
+    file = base / "facebook360.json"
+    if not file.exists():
+        run("import", pathlib.Path(data) / "facebook360" / "rig.json", "--rig-only", "-o", file)
+    return json.loads(file.read_text())
 
 
-def measured(take, rig, width, method):
-    """Simulates a take by a rig and returns the means of an evaluation."""
+def measured(take, rig, width, method, views):
+    """Simulates a take by a rig and returns the means of an evaluation at the views of a take."""
     if not take.exists():
         file = take.with_suffix(".json")
         file.write_text(json.dumps(rig))
         run("simulate", "still", "-q", "-o", take, "--rig", file, "--width", width, "--mounting-mm", 0, "--mounting-deg", 0,
-            "--lens-deviation", 0, "--seconds", 0.14, "--startup-loss-seconds", 0, "--drop", 0, "--truth-width", 240,
+            "--lens-deviation", 0, "--seconds", 0.34, "--startup-loss-seconds", 0, "--drop", 0, "--truth-width", 240,
             "--truth-height", 180)
         run("sync", take)
+    still = views / "still.json"
+    document = json.loads((views / "views.json").read_text())
+    for view in document["views"]:
+        view["time_ns"] = 170_000_000  # nothing moves, and the ticks of the takes differ
+    still.write_text(json.dumps(document))
     result = take / f"{method}.json"
     options = ["--option", "store_depths=false", "--option", "all_cameras=true"] if method == "depth" else []
-    run("evaluate", take, take / "views.json", "-q", "--method", method, *options, "--out", take / method, "--json", result)
+    run("evaluate", take, still, "-q", "--method", method, *options, "--out", take / method, "--json", result)
     return json.loads(result.read_text())["mean"]
 
 
@@ -112,7 +124,7 @@ def main():
                       (f"{name}, pinholes", pinholes, round(pinholes["cameras"][0]["width"] * scale))]
             for label, rig, width in arrays:
                 for method in arguments.methods:
-                    mean = measured(base / label.replace(", ", "_"), rig, width, method)
+                    mean = measured(base / label.replace(", ", "_"), rig, width, method, base / name)
                     print(f"| {label} | {len(rig['cameras'])} | {method} | {mean['psnr_db']:.2f} | {100 * mean['covered']:.1f} | "
                           f"{mean['decoded_per_needed']:.2f} |", flush=True)
 

@@ -40,7 +40,7 @@ Extent extent_of(const SimulationOptions& s) {
   // Within an array that looks around, a half is near its cameras' rays in all directions.
   const double part = array.looks_around() ? 0.35 : 0.5;
   const Eigen::Vector3d half = part * (high - low);
-  // Rays of an array on a hemisphere end beside it.
+  // Cameras on a hemisphere record nothing behind it.
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const rig::Rig::Camera& camera : array.cameras) sum += camera.pose.viewing_direction();
   const bool looks_ahead = sum.norm() > 0.3 * static_cast<double>(array.cameras.size());

@@ -39,8 +39,8 @@ class CompositionVersion : public testing::SequenceTest {
   }
 };
 
-TEST_F(CompositionVersion, TwelveHasThesePixels) {
-  static_assert(kReconstructionVersion == 12);
+TEST_F(CompositionVersion, ThirteenHasThesePixels) {
+  static_assert(kReconstructionVersion == 13);
   write_files();
   shot_.layers[0].name = "wall";
   shot_.layers[0].shadows = schemas::ShotDocument::ReceivedShadows{};

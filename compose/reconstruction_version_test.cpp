@@ -62,8 +62,8 @@ std::string text_of(const Signature& s) {
 
 // `--existing skip` keeps frames whose fingerprint is this run's. Where pixels change on purpose,
 // raise kReconstructionVersion and write the new figures here.
-TEST(ReconstructionVersion, TwelveHasThesePixels) {
-  static_assert(kReconstructionVersion == 12);
+TEST(ReconstructionVersion, ThirteenHasThesePixels) {
+  static_assert(kReconstructionVersion == 13);
   const std::map<std::string, Signature> known{
       {"focal_plane", {0.39299, 0.05084, 0.04782, 1.00000, 1.00000, 0.33883}},
       {"nearest", {0.39383, 0.05239, 0.04965, 1.00000, 1.00000, 0.33883}},
@@ -71,7 +71,7 @@ TEST(ReconstructionVersion, TwelveHasThesePixels) {
       {"lumigraph", {0.39301, 0.05086, 0.04818, 1.00000, 1.00000, 0.33883}},
       {"slabs", {0.39295, 0.05063, 0.04787, 1.00000, 1.00000, 0.33883}},
       {"plane_sweep", {0.39925, 0.06425, 0.06189, 1.00000, 1.00000, 0.30190}},
-      {"depth", {0.39892, 0.06386, 0.06115, 1.00000, 1.00000, 0.30526}},
+      {"depth", {0.39960, 0.06425, 0.06188, 1.00000, 1.00000, 0.30526}},
       {"visual_hull", {0.18407, 0.03569, 0.03864, 0.48014, 0.48014, 0.49310}},
       {"auto", {0.39312, 0.05114, 0.04823, 1.00000, 1.00000, 0.35608}},
   };

@@ -257,6 +257,27 @@ TEST_F(DistributedViews, EqualItWhereEdgesShowTwoSurfaces) {
   expect_all_same("depth", {});
 }
 
+/// A reflection in front of a wall: fits over the positions of the cameras replace the means.
+TEST_F(DistributedViews, EqualItBehindGlass) {
+  open("glass", [](const Eigen::Vector3d& eye, const Eigen::Vector3d& ray) {
+    std::array<double, 3> light{};
+    for (const double depth : {4.0, 3.0}) {
+      const Eigen::Vector3d hit = eye - ray * ((depth + eye.z()) / ray.z());
+      const auto layer = testing::texture(hit.x() / 2 + depth, hit.y() / 2);
+      for (std::size_t c = 0; c < 3; ++c) light[c] += layer[c] / 2;
+    }
+    return light;
+  });
+  const Method& method = method_named("depth");
+  const MethodOptions options(method.options(), {}, "depth");
+  const Contribution alone = method.contribute(request(instant_, options, kept_));
+  EXPECT_GT(std::ranges::count_if(alone.planes.back(), [](float sum) { return sum > 0; }), 1000)
+      << "nothing is fitted";
+  expect_all_same("depth", {});
+  working_bytes_ = 3 << 20;
+  expect_all_same("depth", {});
+}
+
 TEST_F(DistributedViews, CrossAsSamplesOfThePictureNotOfTheCameras) {
   const Method& method = method_named("focal_plane");
   const MethodOptions none(method.options(), {}, "focal_plane");

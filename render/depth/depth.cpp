@@ -2,9 +2,10 @@
 // Renders a view of the method "depth" from its plan (depth_view_plan.cpp). Determines the source
 // pixels, decodes them, and per pixel blends the samples of the selected cameras by weight,
 // visibility and agreement (blend_kernels.cpp); at edges of depth both surfaces
-// (surface_pairs.cpp). Input: the inverse depth (1/m) of each pixel of the view. Output:
-// premultiplied linear RGBA, coverage and planar depth z in metres. Cost: O(pixels x cameras of a
-// tile). Reference: depth_reference.cpp.
+// (surface_pairs.cpp). Where the cameras disagree about a surface, a fit over their positions
+// replaces the mean (angular_fit.cpp). Input: the inverse depth (1/m) of each pixel of the view.
+// Output: premultiplied linear RGBA, coverage and planar depth z in metres. Cost: O(pixels x
+// cameras of a tile). Reference: depth_reference.cpp.
 #include "render/depth/depth.h"
 
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include <optional>
 
 #include "base/parallel.h"
+#include "render/depth/angular_fit.h"
 #include "render/depth/blend_kernels.h"
 #include "render/depth/surface_pairs.h"
 #include "render/depth/view_sources.h"
@@ -32,7 +34,8 @@ class Frame {
         view_(request.view),
         plan_(plan),
         separation_(surface_separation(plan, request)),
-        sources_(request, plan) {}
+        sources_(request, plan),
+        angular_fit_(request, plan) {}
 
   RenderedView render(RenderClock::time_point start) {
     RenderedView image = uninitialised_view(view_);
@@ -40,6 +43,8 @@ class Frame {
     sources_.decode(image.statistics);
     const auto decoded = RenderClock::now();
     blend(image);
+    angular_fit_.strengths().decide();
+    fit_where_cameras_disagree(image);
     image.notes = plan_.notes;
     image.statistics.working_bytes = plan_.work.bytes;
     image.statistics.pixels_decoded += plan_.work.pixels_decoded;
@@ -62,6 +67,7 @@ class Frame {
                              Scratch scratch;
                              for (int i = tiles.begin(); i < tiles.end(); ++i) {
                                const Tile& tile = all[i];
+                               scratch.begin(tile, angular_fit_);
                                for (int y = tile.top; y < tile.bottom; ++y) {
                                  blend_run(tile, y, scratch, image);
                                }
@@ -73,16 +79,69 @@ class Frame {
     std::ranges::sort(image.edges, {}, &EdgePixel::pixel);
   }
 
+  /// Samples the tiles where the fit counts once more, and mixes it into their pixels.
+  void fit_where_cameras_disagree(RenderedView& image) const {
+    const std::vector<Tile>& all = plan_.field.tiles();
+    raystage::parallel_for(0, static_cast<int>(all.size()), [&](int i) {
+      const Tile& tile = all[i];
+      if (!angular_fit_.may_fit(tile) || !angular_fit_.strengths().reaches(tile)) return;
+      Scratch scratch;
+      scratch.begin(tile, angular_fit_);
+      const auto n = static_cast<std::size_t>(tile.right - tile.left);
+      std::array<float, kMaxRunPixels> strengths;
+      std::array<float, 4 * kMaxRunPixels> sums;
+      for (int y = tile.top; y < tile.bottom; ++y) {
+        if (!angular_fit_.strengths_of_row(tile, y, {strengths.data(), n})) continue;
+        scratch.clear();
+        const PixelRun pixels{tile.left, y, {&plan_.view_depths.at(tile.left, y), n}};
+        for (std::size_t c = 0; c < tile.cameras.size(); ++c) {
+          if (!sources_[tile.cameras[c].camera].frame) continue;
+          sample_camera(sources_, plan_, tile, tile.cameras[c], pixels, scratch.add_camera(c));
+        }
+        angular_fit_.fit(tile, scratch.row(y), {strengths.data(), n}, {sums.data(), 4 * n});
+        mix_angular_fit(*request_.instant.cache, {sums.data(), 4 * n},
+                        {&image.rgba[4 * image.index(tile.left, y)], 4 * n});
+      }
+    });
+  }
+
   /// Samples, weights and visibility of all cameras of a run; reused from run to run.
   struct Scratch {
+    /// Prepares for the runs of a tile.
+    void begin(const Tile& tile, const AngularFit& angular_fit) {
+      samples.resize(std::max(samples.size(), tile.cameras.size()));
+      weights.resize(samples.size());
+      visible.resize(samples.size());
+      offsets.clear();
+      if (angular_fit.may_fit(tile)) offsets = angular_fit.offsets(tile);
+    }
+    /// Prepares for a run.
+    void clear() {
+      sample_of.clear();
+      share_of.clear();
+      visible_of.clear();
+      offset_of.clear();
+    }
+    /// Returns where the values of the next camera go; `in_tile`: its index.
+    CameraRun add_camera(std::size_t in_tile) {
+      const std::size_t i = sample_of.size();
+      sample_of.push_back(samples[i].data());
+      share_of.push_back(weights[i].data());
+      visible_of.push_back(visible[i].data());
+      if (!offsets.empty()) offset_of.push_back(offsets[in_tile]);
+      return {samples[i].data(), weights[i].data(), visible[i].data()};
+    }
+    AngularFit::Row row(int y) const { return {y, sample_of, share_of, visible_of, offset_of}; }
+
     std::vector<std::array<float, 4 * kMaxRunPixels>> samples;
     std::vector<std::array<float, kMaxRunPixels>> weights, visible;
     std::vector<std::array<float, kMaxRunPixels>> seen;  // of frames with a matte
     std::array<float, kMaxRunPixels> seen_by_all;        // of these
     std::array<FrontShare, kMaxRunPixels> shares;        // at the front surfaces of pairs
     std::vector<const float*> sample_of, share_of, visible_of;
-    std::array<float, 4 * kMaxRunPixels> behind;  // colours behind the front surfaces
-    std::vector<EdgePixel> edges;                 // of all runs
+    std::vector<AngularOffset> offsets, offset_of;  // of the tile's cameras, of the run's
+    std::array<float, 4 * kMaxRunPixels> behind;    // colours behind the front surfaces
+    std::vector<EdgePixel> edges;                   // of all runs
   };
 
   /// Writes the premultiplied colours of a run's points. `surfaces`: of its pixels, if the points
@@ -90,12 +149,7 @@ class Frame {
   void blend_points(const Tile& tile, const PixelRun& pixels, const SurfaceRun* surfaces,
                     Scratch& scratch, std::span<float> rgba) {
     const std::size_t n = pixels.inverse_depth.size();
-    scratch.samples.resize(std::max(scratch.samples.size(), tile.cameras.size()));
-    scratch.weights.resize(scratch.samples.size());
-    scratch.visible.resize(scratch.samples.size());
-    scratch.sample_of.clear();
-    scratch.share_of.clear();
-    scratch.visible_of.clear();
+    scratch.clear();
     constexpr std::array<float, kMaxRunPixels> kAll = [] {
       std::array<float, kMaxRunPixels> ones{};
       ones.fill(1);
@@ -107,14 +161,12 @@ class Frame {
     const bool has_pairs = surfaces != nullptr && surfaces->has_pairs();
     if (has_pairs) scratch.shares.fill({});
     scratch.seen_by_all = {};
-    for (const BlendingField::TileCamera& camera : tile.cameras) {
+    for (std::size_t c = 0; c < tile.cameras.size(); ++c) {
+      const BlendingField::TileCamera& camera = tile.cameras[c];
       const ViewSources::Source& from = sources_[camera.camera];
       if (!from.frame) continue;
       const std::size_t i = scratch.sample_of.size();
-      auto& share = scratch.weights[i];
-      auto& samples = scratch.samples[i];
-      auto& visible = scratch.visible[i];
-      const CameraRun run{samples.data(), share.data(), visible.data()};
+      const CameraRun run = scratch.add_camera(c);
       sample_camera(sources_, plan_, tile, camera, pixels, run);
       if (cache.has_matte()) {
         scratch.seen[i] = {};
@@ -123,16 +175,17 @@ class Frame {
       }
       if (has_pairs) {
         const SeenByFrame seen = cache.has_matte() ? SeenByFrame{scratch.seen[i].data(), 1}
-                                                   : SeenByFrame{samples.data() + 3, 4};
+                                                   : SeenByFrame{run.samples + 3, 4};
         weigh_front_surfaces(sources_, plan_, camera.camera, pixels, *surfaces, run, seen,
                              scratch.shares);
       }
       for (std::size_t x = 0; cache.has_matte() && x < n; ++x) {
-        scratch.seen_by_all[x] += share[x] * visible[x] * scratch.seen[i][x];
+        scratch.seen_by_all[x] += run.weights[x] * run.visible[x] * scratch.seen[i][x];
       }
-      scratch.sample_of.push_back(samples.data());
-      scratch.share_of.push_back(share.data());
-      scratch.visible_of.push_back(visible.data());
+    }
+    if (surfaces != nullptr && !scratch.offsets.empty() &&
+        AngularStrengths::is_measured(pixels.y)) {
+      angular_fit_.measure(tile, scratch.row(pixels.y));
     }
     blend_reweighted({scratch.sample_of, scratch.share_of, scratch.visible_of, static_cast<int>(n),
                       static_cast<float>(plan_.settings.agreement * 257)},
@@ -204,6 +257,7 @@ class Frame {
   const DepthViewPlan& plan_;
   std::optional<float> separation_;  // of two surfaces of a pixel
   ViewSources sources_;
+  AngularFit angular_fit_;
 };
 
 }  // namespace

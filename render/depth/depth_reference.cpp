@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reference of the blending of method "depth", ray by ray in double. Each pixel is the mean of the
 // samples of the tile's cameras at the view's depth. They are weighted by weight, visibility
-// (point_visibility()) and two rounds of Cauchy reweighting; see BlendRun. Also renders views with
-// lens distortion. Output as depth.cpp. Cost: O(pixels x cameras of a tile), all frames decoded.
+// (point_visibility()) and two rounds of Cauchy reweighting; see BlendRun. Where cameras disagree,
+// the fit over their positions is mixed in (fit_angular_reference()). Also renders views with lens
+// distortion. Output as depth.cpp. Cost: O(pixels x cameras of a tile), all frames decoded.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "render/depth/angular_fit.h"
 #include "render/depth/blend_kernels.h"
 #include "render/depth/depth.h"
 #include "render/depth/surface_pairs.h"
@@ -67,9 +69,13 @@ Agreed agreed(const std::vector<Sample>& samples, double agreement) {
 class Reference {
  public:
   Reference(const ViewRequest& request, const DepthViewPlan& plan)
-      : request_(request), plan_(plan), renderer_(request) {}
+      : request_(request),
+        plan_(plan),
+        renderer_(request),
+        strengths_(request.view.width, request.view.height) {}
 
   RenderedView render() {
+    measure_strengths();
     RenderedView image = renderer_.render(
         [&](const ReferenceRay& ray, ReferencePixel& pixel) { reconstruct(ray, pixel); });
     image.notes = plan_.notes;
@@ -93,8 +99,9 @@ class Reference {
             static_cast<int>(std::clamp(v, 0.0, map.height - 1.0))};
   }
 
-  /// Blends the cameras at a depth; `is_front`: those whose own depths are there.
-  Agreed blend(const ReferenceRay& ray, double depth, bool is_front) {
+  /// Returns the samples of the tile's cameras at a depth; `is_front`: visible to those whose own
+  /// depths are there.
+  std::vector<Sample> samples_at(const ReferenceRay& ray, double depth, bool is_front) {
     const Eigen::Vector3d& eye = request_.view.pose.position;
     const BlendingField::Tile& tile = plan_.field.tile_at(ray.x, ray.y);
     std::vector<Sample> samples;
@@ -110,7 +117,68 @@ class Reference {
       if (is_front) sample.visible = point_surface_share(plan_, chosen.camera, towards, depth);
       samples.push_back(sample);
     }
-    return agreed(samples, plan_.settings.agreement / 255);
+    return samples;
+  }
+
+  Agreed blend(const ReferenceRay& ray, double depth, bool is_front) {
+    return agreed(samples_at(ray, depth, is_front), plan_.settings.agreement / 255);
+  }
+
+  /// Returns the fit of a pixel away from edges of depth; not valid where there is none.
+  AngularFitOfPixel angular_fit(const ReferenceRay& ray) {
+    const auto [u, v] = pinhole_pixel(ray.direction);
+    const BlendingField::Tile& tile = plan_.field.tile_at(ray.x, ray.y);
+    if (request_.instant.cache->has_matte() ||
+        static_cast<float>(tile.cameras.size()) < kMinAngularCameras ||
+        surface_pair(plan_.view_depths, u, v, angular_edge_separation(plan_))) {
+      return {};
+    }
+    const auto depth = static_cast<double>(plan_.view_depths.at(u, v));
+    const std::vector<Sample> samples = samples_at(ray, depth, false);
+    const std::vector<AngularPosition> positions = angular_positions(request_, plan_, tile);
+    const Eigen::Vector3d along =
+        request_.view.pose.world_from_camera_rotation.transpose() * ray.direction;
+    std::vector<AngularSample> fitted;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const Sample& s = samples[i];
+      const AngularPosition& position = positions[i];
+      const double distance = 1 - position.ahead_m * depth;
+      if (!(s.at.seen > 0) || !(distance > double{kMinAngularDistance})) continue;
+      AngularSample& sample = fitted.emplace_back();
+      sample.x = (position.right - along.x() * position.ahead) / distance;
+      sample.y = (position.up - along.y() * position.ahead) / distance;
+      sample.seen = s.visible * s.at.seen;
+      sample.weight = s.share * sample.seen;
+      for (std::size_t c = 0; c < 3; ++c) sample.code[c] = 255 * s.at.code[c];
+    }
+    return fit_angular_reference(fitted);
+  }
+
+  void measure_strengths() {
+    const ViewRays rays(request_.view);
+    for (int y = 0; y < request_.view.height; ++y) {
+      for (int x = 0; x < request_.view.width && AngularStrengths::is_measured(y); ++x) {
+        const auto direction = rays.through(x + 0.5, y + 0.5);
+        if (!direction) continue;
+        const AngularFitOfPixel fit = angular_fit({x, y, *direction, {}});
+        if (fit.is_valid) strengths_.measure(x, y, fit.difference, fit.noise);
+      }
+    }
+    strengths_.decide();
+  }
+
+  /// Mixes the fit into a pixel, as far as it counts there.
+  void mix_fit(const ReferenceRay& ray, ReferencePixel& pixel) {
+    const float strength = strengths_.at(ray.x, ray.y);
+    if (!(strength > 0)) return;
+    const AngularFitOfPixel fit = angular_fit(ray);
+    if (!fit.is_valid) return;
+    std::array<double, 3> code = fit.code;
+    for (double& value : code) value = std::clamp(value / 255, 0.0, 1.0);
+    const auto light = premultiplied_light(code, 1, *request_.instant.cache);
+    for (std::size_t c = 0; c < 3; ++c) {
+      pixel.rgba[c] += strength * (light[c] * pixel.rgba[3] - pixel.rgba[c]);
+    }
   }
 
   /// Returns premultiplied light.
@@ -145,6 +213,7 @@ class Reference {
       }
     } else {
       pixel.rgba = rgba_of(blend(ray, static_cast<double>(depth), false));
+      mix_fit(ray, pixel);
     }
     const auto alpha = static_cast<double>(pixel.rgba[3]);
     if (!(alpha > 0)) return;
@@ -156,6 +225,7 @@ class Reference {
   const ViewRequest& request_;
   const DepthViewPlan& plan_;
   ReferenceRenderer renderer_;
+  AngularStrengths strengths_;
   std::mutex edges_mutex_;
   std::vector<EdgePixel> edges_;
 };

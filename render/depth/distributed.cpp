@@ -15,7 +15,9 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "render/common/rank_communicator.h"
+#include "render/depth/angular_fit.h"
 #include "render/depth/blend_kernels.h"
+#include "render/depth/distributed_angular_fit.h"
 #include "render/depth/fusion.h"
 #include "render/depth/host_messages.h"
 #include "render/depth/host_reduction.h"
@@ -132,6 +134,9 @@ class BandBlend {
       }
     });
   }
+
+  /// Frees the last band.
+  void release() { tiles_ = {}; }
 
  private:
   enum class Surface { kFront, kBehind };
@@ -286,8 +291,8 @@ class BandBlend {
 
 /// Of a contribution: sums at the points in front; their inverse depth, weight, the inverse depth
 /// behind them (unknown: there is one surface) and FrontShare::visible; sums at the points behind;
-/// their weight.
-constexpr std::size_t kPlanes = 4;
+/// their weight; the fit over the positions of the cameras (AngularFit::fit()).
+constexpr std::size_t kPlanes = 5;
 
 /// Returns the end of the band from row of tiles `first` on, at least one row of tiles further. The
 /// samples of all hosts' cameras in it fit `working_bytes`, so all hosts use the same bands.
@@ -323,11 +328,13 @@ Contribution contribute(const ViewRequest& request) {
   sources.decode(contribution.statistics);
   const auto decoded = RenderClock::now();
   BandBlend band(request, *plan, sources, group);
-  for (int first = 0; first < plan->field.rows();) {
-    const int end = end_of_band(*plan, first, request.working_bytes);
-    band.blend(first, end, contribution);
-    first = end;
+  std::vector<TileRows> bands;
+  for (int first = 0; first < plan->field.rows(); first = bands.back().end) {
+    bands.push_back({first, end_of_band(*plan, first, request.working_bytes)});
+    band.blend(first, bands.back().end, contribution);
   }
+  band.release();
+  fit_angular_together(request, *plan, sources, group, bands, contribution.planes[4]);
   contribution.statistics.pixels_decoded += held->depths.pixels_decoded;
   contribution.statistics.plan_ms = milliseconds(planned - start);
   contribution.statistics.decode_ms = milliseconds(decoded - planned);
@@ -360,6 +367,7 @@ RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>&
     std::vector<float> behind(4 * width);
     finish(planes.at(0), planes.at(1), 1, row, rgba);
     finish(planes.at(2), planes.at(3), 0, row, behind);
+    mix_angular_fit(cache, {&planes.at(4)[4 * row], 4 * width}, rgba);
     for (std::size_t x = 0; x < width; ++x) {
       const float* facts = &planes.at(1)[4 * (row + x)];
       float depth = facts[0];

@@ -88,6 +88,17 @@ bool AngularStrengths::reaches(const BlendingField::Tile& tile) const {
   return false;
 }
 
+bool AngularStrengths::may_reach(const BlendingField::Tile& tile) const {
+  constexpr double kMargin = 0.8;  // neighbouring cells raise and lower the ratio
+  for (int row = tile.top / kCell; row * kCell < tile.bottom; ++row) {
+    for (int column = tile.left / kCell; column * kCell < tile.right; ++column) {
+      const Sums& sums = sums_[static_cast<std::size_t>(row) * columns_ + column];
+      if (sums.difference > std::pow(kMargin * kLeastRatio, 2) * sums.noise) return true;
+    }
+  }
+  return false;
+}
+
 std::vector<AngularPosition> angular_positions(const ViewRequest& request,
                                                const DepthViewPlan& plan,
                                                const BlendingField::Tile& tile) {
@@ -142,7 +153,7 @@ std::vector<AngularOffset> AngularFit::offsets(const Tile& tile) const {
   return offsets;
 }
 
-void AngularFit::run(const Tile& tile, const Row& row, AngularFitResult& result) const {
+void AngularFit::solve(const Tile& tile, const Row& row, AngularFitResult& result) const {
   const schemas::Intrinsics& k = request_.view.intrinsics;
   const float* depths = &plan_.view_depths.at(tile.left, row.y);
   fit_angular({row.samples,
@@ -156,15 +167,13 @@ void AngularFit::run(const Tile& tile, const Row& row, AngularFitResult& result)
               result);
 }
 
-void AngularFit::measure(const Tile& tile, const Row& row) {
-  AngularFitResult result;
-  run(tile, row, result);
+void AngularFit::measure(const Tile& tile, int y, const AngularFitResult& result) {
   const SurfaceRun edges =
-      surfaces_of_run(plan_.view_depths, tile.left, row.y, tile.right - tile.left, separation_);
+      surfaces_of_run(plan_.view_depths, tile.left, y, tile.right - tile.left, separation_);
   for (int x = tile.left; x < tile.right; ++x) {
     const auto i = static_cast<std::size_t>(x - tile.left);
     if (edges.is_pair[i] || !(result.rgba[4 * i + 3] > 0)) continue;
-    strengths_.measure(x, row.y, double{result.difference[i]}, double{result.noise[i]});
+    strengths_.measure(x, y, double{result.difference[i]}, double{result.noise[i]});
   }
 }
 
@@ -180,29 +189,35 @@ bool AngularFit::strengths_of_row(const Tile& tile, int y, std::span<float> stre
   return is_any;
 }
 
-void AngularFit::fit(const Tile& tile, const Row& row, std::span<const float> strengths,
-                     std::span<float> sums) const {
-  AngularFitResult result;
-  run(tile, row, result);
+void weigh_angular_fit(std::span<const float> rgba, std::span<const float> strengths,
+                       std::span<float> sums) {
   for (std::size_t i = 0; i < strengths.size(); ++i) {
-    const float strength = strengths[i] * result.rgba[4 * i + 3];
-    for (std::size_t c = 0; c < 3; ++c) {
-      sums[4 * i + c] = strength * std::max(0.0F, result.rgba[4 * i + c]);
-    }
+    const float strength = strengths[i] * rgba[4 * i + 3];
+    for (std::size_t c = 0; c < 3; ++c)
+      sums[4 * i + c] = strength * std::max(0.0F, rgba[4 * i + c]);
     sums[4 * i + 3] = strength * 65535;
   }
 }
 
 void mix_angular_fit(const store::FrameCache& cache, std::span<const float> sums,
                      std::span<float> rgba) {
-  for (std::size_t i = 0; i < sums.size(); i += 4) {
-    const float strength = sums[i + 3] / 65535;
-    if (!(strength > 0)) continue;
-    std::array<float, 4> light{sums[i] / strength, sums[i + 1] / strength, sums[i + 2] / strength,
-                               65535};
-    finish_samples(light, cache.blend_space(), static_cast<float>(cache.full_scale()), light);
-    for (std::size_t c = 0; c < 3; ++c) {
-      rgba[i + c] += strength * (light[c] * rgba[i + 3] - rgba[i + c]);
+  std::array<float, std::size_t{4} * BlendingField::kTile> light;
+  for (std::size_t begin = 0; begin < sums.size(); begin += light.size()) {
+    const auto part = sums.subspan(begin, std::min(light.size(), sums.size() - begin));
+    if (!std::ranges::any_of(part, [](float sum) { return sum > 0; })) continue;
+    for (std::size_t i = 0; i < part.size(); i += 4) {
+      const float per_strength = part[i + 3] > 0 ? 65535 / part[i + 3] : 0;
+      for (std::size_t c = 0; c < 3; ++c) light[i + c] = part[i + c] * per_strength;
+      light[i + 3] = 65535;
+    }
+    const std::span<float> finished(light.data(), part.size());
+    finish_samples(finished, cache.blend_space(), static_cast<float>(cache.full_scale()), finished);
+    for (std::size_t i = 0; i < part.size(); i += 4) {
+      const float strength = part[i + 3] / 65535, alpha = rgba[begin + i + 3];
+      for (std::size_t c = 0; c < 3; ++c) {
+        float& value = rgba[begin + i + c];
+        value += strength * (light[i + c] * alpha - value);
+      }
     }
   }
 }

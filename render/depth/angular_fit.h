@@ -29,6 +29,9 @@ class AngularStrengths {
   /// Returns whether it is above 0 anywhere in a tile.
   bool reaches(const BlendingField::Tile& tile) const;
   std::span<float> by_cell() { return strengths_; }
+  /// Returns whether the measurements of a tile suggest, before decide(), that it will be above 0
+  /// there.
+  bool may_reach(const BlendingField::Tile& tile) const;
 
  private:
   struct Sums {
@@ -58,28 +61,28 @@ class AngularFit {
     std::span<const float*const> samples, weights, visible;  ///< as AngularRun
     std::span<const AngularOffset> offsets;
   };
+  /// Fits the pixels of a row.
+  void solve(const Tile& tile, const Row& row, AngularFitResult& result) const;
   /// Measures the pixels of a row, away from edges of depth.
-  void measure(const Tile& tile, const Row& row);
+  void measure(const Tile& tile, int y, const AngularFitResult& result);
   AngularStrengths& strengths() { return strengths_; }
   const AngularStrengths& strengths() const { return strengths_; }
   /// Returns whether a row of a tile has a pixel to correct. Writes the strength of each: 0 at
   /// edges of depth.
   bool strengths_of_row(const Tile& tile, int y, std::span<float> strengths) const;
-  /// Writes, for each pixel of a row, R, G, B in codes of 65535 times strength, and the strength,
-  /// times 65535.
-  void fit(const Tile& tile, const Row& row, std::span<const float> strengths,
-           std::span<float> sums) const;
 
  private:
-  void run(const Tile& tile, const Row& row, AngularFitResult& result) const;
-
   const ViewRequest& request_;
   const DepthViewPlan& plan_;
   float separation_;  ///< of depths at an edge, 1/m
   AngularStrengths strengths_;
 };
 
-/// Mixes premultiplied light with sums that AngularFit::fit() wrote of the same pixels.
+/// Writes, for each pixel, R, G, B of AngularFitResult::rgba times strength, and the strength times
+/// 65535; 0 where there is no fit.
+void weigh_angular_fit(std::span<const float> rgba, std::span<const float> strengths,
+                       std::span<float> sums);
+/// Mixes premultiplied light of a tile's row with these sums.
 void mix_angular_fit(const store::FrameCache& cache, std::span<const float> sums,
                      std::span<float> rgba);
 

@@ -35,7 +35,8 @@ class Frame {
         plan_(plan),
         separation_(surface_separation(plan, request)),
         sources_(request, plan),
-        angular_fit_(request, plan) {}
+        angular_fit_(request, plan),
+        keeps_fits_(view_value_count(request.view) * sizeof(float) <= request.working_bytes) {}
 
   RenderedView render(RenderClock::time_point start) {
     RenderedView image = uninitialised_view(view_);
@@ -46,7 +47,9 @@ class Frame {
     angular_fit_.strengths().decide();
     fit_where_cameras_disagree(image);
     image.notes = plan_.notes;
-    image.statistics.working_bytes = plan_.work.bytes;
+    std::size_t kept_bytes = 0;
+    for (const TileFits& fits : fits_) kept_bytes += fits.size() * sizeof(float);
+    image.statistics.working_bytes = std::max(plan_.work.bytes, kept_bytes);
     image.statistics.pixels_decoded += plan_.work.pixels_decoded;
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
@@ -57,53 +60,7 @@ class Frame {
   }
 
  private:
-  /// Blends tile by tile, not row by row: adjacent rows read the same source pixels from the cache.
-  void blend(RenderedView& image) {
-    constexpr int kTiles = 4;
-    const std::vector<Tile>& all = plan_.field.tiles();
-    std::mutex edges_mutex;
-    raystage::parallel_for(tbb::blocked_range<int>(0, static_cast<int>(all.size()), kTiles),
-                           [&](const tbb::blocked_range<int>& tiles) {
-                             Scratch scratch;
-                             for (int i = tiles.begin(); i < tiles.end(); ++i) {
-                               const Tile& tile = all[i];
-                               scratch.begin(tile, angular_fit_);
-                               for (int y = tile.top; y < tile.bottom; ++y) {
-                                 blend_run(tile, y, scratch, image);
-                               }
-                             }
-                             const std::scoped_lock lock(edges_mutex);
-                             image.edges.insert(image.edges.end(), scratch.edges.begin(),
-                                                scratch.edges.end());
-                           });
-    std::ranges::sort(image.edges, {}, &EdgePixel::pixel);
-  }
-
-  /// Samples the tiles where the fit counts once more, and mixes it into their pixels.
-  void fit_where_cameras_disagree(RenderedView& image) const {
-    const std::vector<Tile>& all = plan_.field.tiles();
-    raystage::parallel_for(0, static_cast<int>(all.size()), [&](int i) {
-      const Tile& tile = all[i];
-      if (!angular_fit_.may_fit(tile) || !angular_fit_.strengths().reaches(tile)) return;
-      Scratch scratch;
-      scratch.begin(tile, angular_fit_);
-      const auto n = static_cast<std::size_t>(tile.right - tile.left);
-      std::array<float, kMaxRunPixels> strengths;
-      std::array<float, 4 * kMaxRunPixels> sums;
-      for (int y = tile.top; y < tile.bottom; ++y) {
-        if (!angular_fit_.strengths_of_row(tile, y, {strengths.data(), n})) continue;
-        scratch.clear();
-        const PixelRun pixels{tile.left, y, {&plan_.view_depths.at(tile.left, y), n}};
-        for (std::size_t c = 0; c < tile.cameras.size(); ++c) {
-          if (!sources_[tile.cameras[c].camera].frame) continue;
-          sample_camera(sources_, plan_, tile, tile.cameras[c], pixels, scratch.add_camera(c));
-        }
-        angular_fit_.fit(tile, scratch.row(y), {strengths.data(), n}, {sums.data(), 4 * n});
-        mix_angular_fit(*request_.instant.cache, {sums.data(), 4 * n},
-                        {&image.rgba[4 * image.index(tile.left, y)], 4 * n});
-      }
-    });
-  }
+  using TileFits = std::vector<float>;  // AngularFitResult::rgba of a tile's rows; empty: not kept
 
   /// Samples, weights and visibility of all cameras of a run; reused from run to run.
   struct Scratch {
@@ -142,12 +99,95 @@ class Frame {
     std::vector<AngularOffset> offsets, offset_of;  // of the tile's cameras, of the run's
     std::array<float, 4 * kMaxRunPixels> behind;    // colours behind the front surfaces
     std::vector<EdgePixel> edges;                   // of all runs
+    TileFits fits;                                  // of the tile, where they were computed
   };
 
+  /// Blends tile by tile, not row by row: adjacent rows read the same source pixels from the cache.
+  void blend(RenderedView& image) {
+    constexpr int kTiles = 4;
+    const std::vector<Tile>& all = plan_.field.tiles();
+    fits_.resize(all.size());
+    std::mutex edges_mutex;
+    raystage::parallel_for(tbb::blocked_range<int>(0, static_cast<int>(all.size()), kTiles),
+                           [&](const tbb::blocked_range<int>& tiles) {
+                             Scratch scratch;
+                             for (int i = tiles.begin(); i < tiles.end(); ++i) {
+                               const Tile& tile = all[i];
+                               scratch.begin(tile, angular_fit_);
+                               blend_tile(tile, fits_[i], scratch, image);
+                             }
+                             const std::scoped_lock lock(edges_mutex);
+                             image.edges.insert(image.edges.end(), scratch.edges.begin(),
+                                                scratch.edges.end());
+                           });
+    std::ranges::sort(image.edges, {}, &EdgePixel::pixel);
+  }
+
+  /// Blends a tile. Keeps the fits of its pixels where they are likely to count.
+  void blend_tile(const Tile& tile, TileFits& fits, Scratch& scratch, RenderedView& image) {
+    if (scratch.offsets.empty()) {
+      for (int y = tile.top; y < tile.bottom; ++y) blend_run(tile, y, scratch, nullptr, image);
+      return;
+    }
+    const auto per_row = 4 * static_cast<std::size_t>(tile.right - tile.left);
+    const auto rows = static_cast<std::size_t>(tile.bottom - tile.top);
+    scratch.fits.resize(per_row * rows);
+    const auto of_row = [&](int y) { return &scratch.fits[(y - tile.top) * per_row]; };
+    for (int y = tile.top; y < tile.bottom; ++y) {
+      if (AngularStrengths::is_measured(y)) blend_run(tile, y, scratch, of_row(y), image);
+    }
+    const bool keeps = keeps_fits_ && angular_fit_.strengths().may_reach(tile);
+    for (int y = tile.top; y < tile.bottom; ++y) {
+      if (AngularStrengths::is_measured(y)) continue;
+      blend_run(tile, y, scratch, keeps ? of_row(y) : nullptr, image);
+    }
+    if (keeps) fits = scratch.fits;
+  }
+
+  /// Mixes the fit into the pixels where it counts. Samples tiles whose fits were not kept once
+  /// more.
+  void fit_where_cameras_disagree(RenderedView& image) const {
+    const std::vector<Tile>& all = plan_.field.tiles();
+    raystage::parallel_for(0, static_cast<int>(all.size()), [&](int i) {
+      const Tile& tile = all[i];
+      const TileFits& fits = fits_[i];
+      if (!angular_fit_.may_fit(tile) || !angular_fit_.strengths().reaches(tile)) return;
+      Scratch scratch;
+      scratch.begin(tile, angular_fit_);
+      const auto n = static_cast<std::size_t>(tile.right - tile.left);
+      std::array<float, kMaxRunPixels> strengths;
+      std::array<float, 4 * kMaxRunPixels> sums;
+      for (int y = tile.top; y < tile.bottom; ++y) {
+        if (!angular_fit_.strengths_of_row(tile, y, {strengths.data(), n})) continue;
+        AngularFitResult result;
+        std::span<const float> fitted(result.rgba);
+        if (fits.empty()) {
+          sample_row(tile, y, scratch);
+          angular_fit_.solve(tile, scratch.row(y), result);
+        } else {
+          fitted = std::span(fits).subspan(4 * n * static_cast<std::size_t>(y - tile.top), 4 * n);
+        }
+        weigh_angular_fit(fitted, {strengths.data(), n}, {sums.data(), 4 * n});
+        mix_angular_fit(*request_.instant.cache, {sums.data(), 4 * n},
+                        {&image.rgba[4 * image.index(tile.left, y)], 4 * n});
+      }
+    });
+  }
+
+  void sample_row(const Tile& tile, int y, Scratch& scratch) const {
+    const auto n = static_cast<std::size_t>(tile.right - tile.left);
+    const PixelRun pixels{tile.left, y, {&plan_.view_depths.at(tile.left, y), n}};
+    scratch.clear();
+    for (std::size_t c = 0; c < tile.cameras.size(); ++c) {
+      if (!sources_[tile.cameras[c].camera].frame) continue;
+      sample_camera(sources_, plan_, tile, tile.cameras[c], pixels, scratch.add_camera(c));
+    }
+  }
+
   /// Writes the premultiplied colours of a run's points. `surfaces`: of its pixels, if the points
-  /// are those in front; null: those behind.
+  /// are those in front; null: those behind. `fits`: if not null, receives the fits of the pixels.
   void blend_points(const Tile& tile, const PixelRun& pixels, const SurfaceRun* surfaces,
-                    Scratch& scratch, std::span<float> rgba) {
+                    Scratch& scratch, float* fits, std::span<float> rgba) {
     const std::size_t n = pixels.inverse_depth.size();
     scratch.clear();
     constexpr std::array<float, kMaxRunPixels> kAll = [] {
@@ -183,9 +223,11 @@ class Frame {
         scratch.seen_by_all[x] += run.weights[x] * run.visible[x] * scratch.seen[i][x];
       }
     }
-    if (surfaces != nullptr && !scratch.offsets.empty() &&
-        AngularStrengths::is_measured(pixels.y)) {
-      angular_fit_.measure(tile, scratch.row(pixels.y));
+    if (fits != nullptr) {
+      AngularFitResult result;
+      angular_fit_.solve(tile, scratch.row(pixels.y), result);
+      if (AngularStrengths::is_measured(pixels.y)) angular_fit_.measure(tile, pixels.y, result);
+      std::copy_n(result.rgba.data(), 4 * n, fits);
     }
     blend_reweighted({scratch.sample_of, scratch.share_of, scratch.visible_of, static_cast<int>(n),
                       static_cast<float>(plan_.settings.agreement * 257)},
@@ -197,18 +239,18 @@ class Frame {
     }
   }
 
-  void blend_run(const Tile& tile, int y, Scratch& scratch, RenderedView& image) {
+  void blend_run(const Tile& tile, int y, Scratch& scratch, float* fits, RenderedView& image) {
     const int count = tile.right - tile.left;
     const auto n = static_cast<std::size_t>(count);
     SurfaceRun surfaces = surfaces_of_run(plan_.view_depths, tile.left, y, count, separation_);
     const std::size_t at = image.index(tile.left, y);
     const std::span<float> rgba(&image.rgba[at * 4], n * 4);
-    blend_points(tile, {tile.left, y, {surfaces.front.data(), n}}, &surfaces, scratch, rgba);
+    blend_points(tile, {tile.left, y, {surfaces.front.data(), n}}, &surfaces, scratch, fits, rgba);
     if (surfaces.has_pairs()) {
       const auto begin = static_cast<std::size_t>(surfaces.begin),
                  part = static_cast<std::size_t>(surfaces.end - surfaces.begin);
       blend_points(tile, {tile.left + surfaces.begin, y, {surfaces.behind.data() + begin, part}},
-                   nullptr, scratch, {scratch.behind.data(), 4 * part});
+                   nullptr, scratch, nullptr, {scratch.behind.data(), 4 * part});
       for (std::size_t x = begin; x < begin + part; ++x) {
         if (!surfaces.is_pair[x]) continue;
         const std::span<float, 4> pixel(&rgba[4 * x], 4);
@@ -258,6 +300,8 @@ class Frame {
   std::optional<float> separation_;  // of two surfaces of a pixel
   ViewSources sources_;
   AngularFit angular_fit_;
+  bool keeps_fits_;             // they fit the memory
+  std::vector<TileFits> fits_;  // by tile
 };
 
 }  // namespace

@@ -291,7 +291,7 @@ class BandBlend {
 
 /// Of a contribution: sums at the points in front; their inverse depth, weight, the inverse depth
 /// behind them (unknown: there is one surface) and FrontShare::visible; sums at the points behind;
-/// their weight; the fit over the positions of the cameras (AngularFit::fit()).
+/// their weight; the fit over the positions of the cameras (weigh_angular_fit()).
 constexpr std::size_t kPlanes = 5;
 
 /// Returns the end of the band from row of tiles `first` on, at least one row of tiles further. The

@@ -40,7 +40,11 @@ class DistributedAngularFit {
     for (const TileRows band : bands) {
       gather(
           band, [](const Tile&, int y) { return AngularStrengths::is_measured(y); },
-          [&](const Tile& tile, const AngularFit::Row& row) { fit_.measure(tile, row); });
+          [&](const Tile& tile, const AngularFit::Row& row) {
+            AngularFitResult result;
+            fit_.solve(tile, row, result);
+            fit_.measure(tile, row.y, result);
+          });
     }
     fit_.strengths().decide();
     tell_strengths();
@@ -57,7 +61,9 @@ class DistributedAngularFit {
             const std::size_t n = columns_of(tile);
             fit_.strengths_of_row(tile, row.y, {strengths.data(), n});
             const std::size_t at = static_cast<std::size_t>(row.y) * width + tile.left;
-            fit_.fit(tile, row, {strengths.data(), n}, {&plane[4 * at], 4 * n});
+            AngularFitResult result;
+            fit_.solve(tile, row, result);
+            weigh_angular_fit(result.rgba, {strengths.data(), n}, {&plane[4 * at], 4 * n});
           });
     }
   }

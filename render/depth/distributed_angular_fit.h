@@ -13,7 +13,7 @@ struct TileRows {
   int first = 0, end = 0;
 };
 /// Fills a plane of host 0 with the view's fits over the positions of the cameras
-/// (AngularFit::fit()); 0 on other hosts. `bands`: all rows of tiles, in parts whose samples fit
+/// (weigh_angular_fit()); 0 on other hosts. `bands`: all rows of tiles, in parts whose samples fit
 /// the memory. Collective.
 void fit_angular_together(const ViewRequest& request, const DepthViewPlan& plan,
                           const ViewSources& sources, const RankCommunicator& group,

@@ -188,5 +188,49 @@ TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {
   }
 }
 
+// Fits over the positions of the cameras are kept where they fit the memory, and else computed
+// again.
+TEST(DepthMemory, AViewBehindGlassIsTheSameWithLittleMemory) {
+  if (RAYSTAGE_COUNTS_MEMORY == 0) GTEST_SKIP() << "sanitizers take memory of their own";
+  testing::SyntheticTake recorded;
+  recorded.cameras = testing::camera_grid(5, 5, 0.08, 200, 150);
+  recorded.depth_range = schemas::DepthRange{2.2, 6};
+  recorded.scene = [](const Eigen::Vector3d& eye, const Eigen::Vector3d& ray) {
+    std::array<double, 3> light{};
+    for (const double depth : {4.5, 2.5}) {
+      const Eigen::Vector3d hit = eye - ray * (depth / ray.z());
+      const auto layer = testing::painted_plane(9 * hit.x() / depth, 9 * hit.y() / depth + depth);
+      for (std::size_t c = 0; c < 3; ++c) light[c] += layer[c] / 2;
+    }
+    return light;
+  };
+  const testing::TestFolder folder;
+  write_synthetic_take(recorded, folder.path() / "take");
+  const store::Take take(folder.path() / "take");
+  const VirtualCamera view = virtual_camera_with_fov(900, 600, 0.7, {});
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
+  const std::size_t of_fits = std::size_t{900} * 600 * 4 * sizeof(float);
+  std::vector<RenderedView> images;
+  for (const std::size_t share : {std::size_t{1} << 30, of_fits - 1}) {
+    RendererOptions options;
+    options.working_bytes = share;
+    const LightFieldRenderer renderer(take, options);
+    const ReconstructionOptions by_depth{"depth", {0, 0, 0, 1}};
+    renderer.render(view, frames, by_depth);  // frames, depths, threads
+    const std::ptrdiff_t before = held;
+    peak = before;
+    images.push_back(renderer.render(view, frames, by_depth));
+    const auto said = static_cast<std::ptrdiff_t>(images.back().statistics.working_bytes);
+    const auto of_view = static_cast<std::ptrdiff_t>(view_buffer_bytes(view));
+    EXPECT_LE(peak - before, (of_view + said) * 5 / 4 + 1'000'000);
+    if (share > of_fits) {
+      EXPECT_GT(peak - before, of_view + static_cast<std::ptrdiff_t>(of_fits) / 2);
+    } else {
+      EXPECT_LT(peak - before, of_view + static_cast<std::ptrdiff_t>(of_fits) / 2);
+    }
+  }
+  EXPECT_EQ(images[0].rgba, images[1].rgba);
+}
+
 }  // namespace
 }  // namespace raystage::render

@@ -6,9 +6,12 @@
 #include <cmath>
 #include <iterator>
 #include <numbers>
+#include <optional>
 #include <set>
+#include <utility>
 
 #include "base/error.h"
+#include "rig/outward_topology.h"
 
 namespace raystage::rig {
 
@@ -138,8 +141,10 @@ Topology make_topology(const Rig& rig, std::span<const int> cameras) {
     }
   }
   const bool grid = rig.topology_kind != "delaunay" && rows.size() == cameras.size();
-  Topology topology = grid ? grid_topology(centres, directions, rows, columns)
-                           : delaunay_topology(centres, directions);
+  std::optional<Topology> outward = outward_topology(centres, directions);
+  Topology topology = outward ? *std::move(outward)
+                      : grid  ? grid_topology(centres, directions, rows, columns)
+                              : delaunay_topology(centres, directions);
   for (Topology::Cell& cell : topology.cells) {
     for (int& corner : cell) {
       if (corner >= 0) corner = cameras[corner];
@@ -148,11 +153,24 @@ Topology make_topology(const Rig& rig, std::span<const int> cameras) {
   return topology;
 }
 
-Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth) {
+namespace {
+
+Eigen::Vector4d plane_ahead(const Rig& rig, const Eigen::Vector3d& normal, double depth) {
   assert(!std::isnan(depth));
   if (std::isinf(depth)) return {0, 0, 0, 1};
-  const Eigen::Vector3d normal = rig.mean_viewing_direction();
   return {normal.x(), normal.y(), normal.z(), -(normal.dot(rig.centre()) + depth)};
+}
+
+}  // namespace
+
+Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth) {
+  return plane_ahead(rig, rig.mean_viewing_direction(), depth);
+}
+
+Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth,
+                                      const Eigen::Vector3d& viewing_direction) {
+  if (!rig.looks_around()) return fronto_parallel_plane(rig, depth);
+  return plane_ahead(rig, viewing_direction, depth);
 }
 
 double optimal_focal_depth(schemas::DepthRange range) {

@@ -43,7 +43,8 @@ struct Rig {
 Rig rig_from_document(const schemas::RigDocument& document);
 
 /// Returns the topology of the given cameras (distinct, in increasing order); cells index into
-/// `Rig::cameras`. "auto" uses the grid if every camera has a row and column, otherwise Delaunay.
+/// `Rig::cameras`. Cameras that look outwards from a volume get closed cells (outward_topology()).
+/// Otherwise "auto" uses the grid if every camera has a row and column, or else Delaunay.
 Topology make_topology(const Rig& rig, std::span<const int> cameras);
 
 /// Returns the indices of the cameras that are not in every n-th row and column of the grid, for
@@ -52,8 +53,13 @@ std::vector<int> cameras_off_grid_step(const Rig& rig, int step);
 
 /// Returns the plane a x + b y + c z + d = 0 in the world, with a unit vector (a, b, c). The plane
 /// is perpendicular to the mean viewing direction and `depth` metres in front of the array's
-/// centre, also if the array looks around. For an infinite depth returns (0, 0, 0, 1).
+/// centre. For an infinite depth returns (0, 0, 0, 1).
 Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth);
+/// Returns the same plane for a virtual camera that looks along `viewing_direction` (unit, world).
+/// If the array looks around, the plane is perpendicular to that direction instead: no one plane is
+/// in front of all its cameras.
+Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth,
+                                      const Eigen::Vector3d& viewing_direction);
 
 /// Returns the optimal focal depth in metres (thesis eq. 2.2): 1/zopt = (1/zmin + 1/zmax) / 2; zmax
 /// may be infinite. Throws Error (bad input) for an invalid range.

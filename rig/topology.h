@@ -17,7 +17,7 @@ struct Topology {
     kPoint       ///< one distinct centre: one cell of one camera, valid for every ray
   };
   /// Indices into the centres; the unused ones are -1. Triangles run counter-clockwise as seen from
-  /// the side that `normal` points to.
+  /// the side that `normal` points to, or, if the array looks outwards, from outside.
   using Cell = std::array<int, 3>;
 
   Kind kind = Kind::kPoint;
@@ -25,8 +25,13 @@ struct Topology {
   /// Unit normal of the best-fit plane of the centres, turned towards the back of the cameras
   /// (against the mean viewing direction).
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
-  /// Unit vector in the plane, perpendicular to the line of a kSegments array.
+  /// Unit vector in the plane, perpendicular to the line of a kSegments array; of a ring, its
+  /// normal.
   Eigen::Vector3d up = Eigen::Vector3d::UnitY();
+  /// The cells surround a volume, and cameras look away from it (rig/outward_topology.h). A ray
+  /// passes between the cameras of the cell through which its line leaves the volume: those that
+  /// look where the ray goes. In other arrays a ray crosses a cell from either side.
+  bool outwards = false;
 };
 
 /// Returns the Delaunay triangulation of the centres projected onto their best-fit plane.

@@ -75,6 +75,17 @@ render::ReconstructionOptions reconstruction_of(const schemas::ShotDocument::Lay
   return reconstruction;
 }
 
+/// Returns the depth of the focal plane from the array, metres; of keys, the first. Returns nullopt
+/// if the plane has no such depth, or for kBest without a depth range.
+std::optional<double> focal_depth(const schemas::ShotDocument::FocalPlane& plane,
+                                  const std::optional<schemas::DepthRange>& depth_range) {
+  using Kind = schemas::ShotDocument::FocalPlane::Kind;
+  if (plane.kind == Kind::kDepth) return plane.depth;
+  if (plane.kind == Kind::kKeys) return plane.keys.front().depth;
+  if (plane.kind == Kind::kBest && depth_range) return rig::optimal_focal_depth(*depth_range);
+  return std::nullopt;
+}
+
 /// Returns the plane perpendicular to the optical axis, `focus` metres in front of the camera.
 Eigen::Vector4d plane_at_focus(const rig::Pose& pose, double focus) {
   const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
@@ -97,16 +108,13 @@ Eigen::Vector4d focal_plane_equation(const schemas::ShotDocument::FocalPlane& pl
     case Kind::kCamera:  // until reconstruction_for() gets the camera
       return {0, 0, 0, 1};
     case Kind::kDepth:
-      return rig::fronto_parallel_plane(rig, plane.depth);
     case Kind::kKeys:
-      return rig::fronto_parallel_plane(rig, plane.keys.front().depth);
     case Kind::kBest:
-      if (!depth_range) {
-        throw Error::bad_input("the best focal plane is unknown: the take has no depth range",
-                               where,
-                               "Give the plane's depth in metres, or add depth_range to take.json");
+      if (const auto depth = focal_depth(plane, depth_range)) {
+        return rig::fronto_parallel_plane(rig, *depth);
       }
-      return rig::fronto_parallel_plane(rig, rig::optimal_focal_depth(*depth_range));
+      throw Error::bad_input("the best focal plane is unknown: the take has no depth range", where,
+                             "Give the plane's depth in metres, or add depth_range to take.json");
     case Kind::kEquation:
       break;
   }
@@ -287,6 +295,7 @@ LightFieldLayer::LightFieldLayer(const schemas::ShotDocument& shot, std::size_t 
     for (const auto& key : layer_.focal_plane.keys) keys.push_back({key.frame, key.depth});
     focus_ = Curve<double>(keys);
   }
+  focal_depth_ = focal_depth(layer_.focal_plane, depth_range());
   if (!layer_.time_keys.empty()) {
     std::vector<CurveKey<double>> keys;
     for (const auto& key : layer_.time_keys) keys.push_back({key.frame, key.seconds});
@@ -318,7 +327,11 @@ bool LightFieldLayer::depends_on_shown_views() const {
 render::ReconstructionOptions LightFieldLayer::reconstruction_for(const ExrCamera& camera,
                                                                   double frame) const {
   render::ReconstructionOptions result = reconstruction_;
-  if (focus_) result.focal_plane = rig::fronto_parallel_plane(take_.rig(), focus_(frame));
+  const std::optional<double> depth = focus_ ? focus_(frame) : focal_depth_;
+  if (depth) {
+    result.focal_plane =
+        rig::fronto_parallel_plane(take_.rig(), *depth, camera.view.pose.viewing_direction());
+  }
   schemas::OptionValues& options = result.options;
   const bool has_lens_options = method().has_lens();
   if (focal_plane_follows_camera() && camera.focus_m) {

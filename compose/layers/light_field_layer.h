@@ -53,7 +53,8 @@ class LightFieldLayer final : public Layer {
   /// Returns the depth range of the scene: that of the method's options, else the take's.
   std::optional<schemas::DepthRange> depth_range() const;
   /// Returns the settings at a frame. If the focal plane follows the camera, it is at the camera's
-  /// focus distance, and methods with a lens get its f-number.
+  /// focus distance, and methods with a lens get its f-number. If the array looks around, a plane
+  /// at a depth is perpendicular to the camera's axis.
   render::ReconstructionOptions reconstruction_for(const ExrCamera& camera, double frame) const;
   /// Returns the settings of a preview by another method: its default options with the layer's
   /// depth range. The focal plane is at the camera's focus distance, or else that of the layer.
@@ -123,8 +124,9 @@ class LightFieldLayer final : public Layer {
   store::Take take_;
   store::Timeline timeline_;
   std::shared_ptr<const store::TakeMatte> matte_;
-  AnimationChannel<double> focus_;  ///< metres in front of the array; null: not animated
-  AnimationChannel<double> time_;   ///< seconds since the first tick; null: at constant speed
+  AnimationChannel<double> focus_;     ///< metres in front of the array; null: not animated
+  std::optional<double> focal_depth_;  ///< of the focal plane from the array, metres; null: none
+  AnimationChannel<double> time_;      ///< seconds since the first tick; null: at constant speed
   render::ReconstructionOptions reconstruction_;
   std::string common_;  ///< fingerprint of the inputs that all frames share
 };

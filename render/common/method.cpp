@@ -4,12 +4,12 @@
 #include <stdexcept>
 #include <string>
 
-#include "render/common/plane_surface.h"
+#include "render/common/focal_surface.h"
 
 namespace raystage::render {
 
 RaySurface Method::surface(const SurfaceRequest& request) const {
-  return plane_surface(request.focal_plane);
+  return focal_surface(*request.instant.rig, request.focal_plane);
 }
 
 Contribution Method::contribute(const ViewRequest& /*request*/) const {

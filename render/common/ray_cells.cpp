@@ -139,7 +139,7 @@ double at(const Vector3d& function, double x, double y) {
 
 bool passes_through(const RayCells::Cell& cell, double x, double y) {
   const double total = at(cell.total, x, y);
-  if (!(std::abs(total) > 0)) return false;
+  if (!(std::abs(total) > 0) || (cell.only_leaving && total < 0)) return false;
   const double sign = total > 0 ? 1 : -1;
   double sum = 0;
   for (int i = 0; i < cell.count; ++i) {
@@ -215,6 +215,7 @@ RayCells::RayCells(const VirtualCamera& view, const rig::Rig& rig, const rig::To
   cells_.reserve(topology.cells.size());
   for (const rig::Topology::Cell& indices : topology.cells) {
     cells_.push_back(make_cell(indices, topology, rig, view.pose.position, ray_from_pixel));
+    cells_.back().only_leaving = topology.outwards;
     cells_.back().edge_products = edge_products(cells_.back(), rig);
     cells_.back().edge_tolerance = edge_tolerance(cells_.back(), rig, view.pose.position);
     drop_shares_below_tolerance(cells_.back(), view);
@@ -261,7 +262,7 @@ void RayCells::row_spans(int y, int width, std::vector<int>& scratch,
     const Cell& cell = cells_[i];
     if (y < cell.first_row || y > cell.last_row) continue;
     paint(cell, static_cast<int>(2 * i), 1, y, width, scratch);
-    paint(cell, static_cast<int>(2 * i + 1), -1, y, width, scratch);
+    if (!cell.only_leaving) paint(cell, static_cast<int>(2 * i + 1), -1, y, width, scratch);
   }
   spans.clear();
   for (auto at = scratch.begin(); at != scratch.end();) {

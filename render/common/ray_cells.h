@@ -19,7 +19,8 @@ namespace raystage::render {
 /// whose sum is d.((C2-C1)x(C3-C1)). As d is linear in the pixel, each weight is a linear function
 /// of the pixel. It is exact on the array plane, in front of it and behind it alike, without a
 /// division by the distance to the plane. Rays are whole lines: an array behind the virtual camera
-/// counts too.
+/// counts too. Of an array that looks outwards, only the cell that the line leaves counts: there
+/// the sum of the weights is positive.
 class RayCells {
  public:
   struct Cell {
@@ -35,6 +36,7 @@ class RayCells {
     /// How far outside the cell, in units of the weight, a ray still counts as inside.
     double edge_tolerance = 0;
     double first_row = 0, last_row = 0;  ///< pixel rows outside of which no ray passes
+    bool only_leaving = false;           ///< rays count where total is positive: Topology::outwards
   };
   struct Crossing {
     int cell = 0;

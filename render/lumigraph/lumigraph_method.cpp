@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 #include "render/common/faceted_frame.h"
-#include "render/common/plane_surface.h"
+#include "render/common/focal_surface.h"
 #include "render/depth/depth.h"
 #include "render/depth/depth_store.h"
 #include "render/depth/depth_surface.h"
@@ -58,7 +58,7 @@ DepthEstimationOptions default_depth_options(const store::Take& take) {
 /// depths to `work`. Throws Error (bad input) for a mesh that is missing, unreadable or set without
 /// the proxy mesh. Also throws for depths of a take without a depth range.
 RaySurface proxy_surface(const SurfaceRequest& r, DepthEstimationStatistics& work) {
-  RaySurface on_plane = plane_surface(r.focal_plane);
+  RaySurface on_plane = focal_surface(*r.instant.rig, r.focal_plane);
   const store::Take& take = *r.instant.take;
   check_proxy(r.options, take);
   const std::string& proxy = r.options.text("proxy");

@@ -88,14 +88,16 @@ class ApertureFrame final : public PlanarFrame {
       for (const RayCells::Span& span : rows_.spans(y)) cell_used[span.cell] = true;
     }
     gathering_.resize(count);
+    planes_.resize(count);
     for (std::size_t c = 0; c < count; ++c) {
       if (!cell_used[c]) continue;
       const RayCells::Cell& cell = cells_.cells()[c];
+      planes_[c] = lens_.plane_of(cell);
       std::vector<Eigen::Vector2d> corners;
-      for (int i = 0; i < cell.count; ++i) corners.push_back(place(cell.camera[i]));
+      for (int i = 0; i < cell.count; ++i) corners.push_back(place(c, cell.camera[i]));
       const Disc disc = disc_around(corners);
       for (std::size_t i = 0; i < used_.size(); ++i) {
-        if (may_gather(static_cast<int>(i), disc)) {
+        if (may_gather(c, static_cast<int>(i), disc)) {
           gathering_[c].push_back(static_cast<int>(i));
           used_[i] = true;
         }
@@ -103,26 +105,33 @@ class ApertureFrame final : public PlanarFrame {
     }
     cameras_.resize(count);
     for (std::size_t c = 0; c < count; ++c) {
-      for (const int camera : gathering_[c]) cameras_[c].push_back(as_seen(camera));
+      for (const int camera : gathering_[c]) cameras_[c].push_back(as_seen(c, camera));
     }
   }
 
-  const Eigen::Vector2d& place(int camera) const { return lens_.cameras()[camera].position; }
+  Eigen::Vector2d place(std::size_t cell, int camera) const {
+    return planes_[cell].place_of(lens_.cameras()[camera]);
+  }
 
   /// Returns DepthSource::per_inverse_depth of the camera.
   std::array<double, 3> way_to_eye(int camera) const {
     return depth_source(view_, instant_.rig->cameras[camera]).per_inverse_depth;
   }
 
-  ApertureCamera as_seen(int index) {
+  ApertureCamera as_seen(std::size_t cell, int index) {
     const ApertureLens::Camera& camera = lens_.cameras()[index];
+    const Eigen::Vector2d there = place(cell, index);
     const bool present = instant_.is_present(index);
-    return {static_cast<float>(camera.position.x()),   static_cast<float>(camera.position.y()),
-            static_cast<float>(1 / camera.radius),     present,
-            present ? &sources_.view(index) : nullptr, way_to_eye(index)};
+    return {.x = static_cast<float>(there.x()),
+            .y = static_cast<float>(there.y()),
+            .height_squared = static_cast<float>(planes_[cell].relative_height_squared(camera)),
+            .inverse_radius = static_cast<float>(1 / camera.radius),
+            .present = present,
+            .source = present ? &sources_.view(index) : nullptr,
+            .per_inverse_depth = way_to_eye(index)};
   }
 
-  /// A disc in the array's plane, metres.
+  /// A disc in the plane of a cell, metres.
   struct Disc {
     Eigen::Vector2d middle = Eigen::Vector2d::Zero();
     double radius = 0;
@@ -141,14 +150,15 @@ class ApertureFrame final : public PlanarFrame {
     return disc;
   }
 
-  /// Returns whether a camera's weight may be above 0 for a ray that crosses the array within
+  /// Returns whether a camera's weight may be above 0 for a ray that crosses the cell within
   /// `disc`.
-  bool may_gather(int camera, const Disc& disc) const {
+  bool may_gather(std::size_t cell, int camera, const Disc& disc) const {
     const double radius = lens_.cameras()[camera].radius;
     if (radius == 0) return false;
+    if (planes_[cell].relative_height_squared(lens_.cameras()[camera]) >= 1) return false;
     const double to_corner = lens_.sides().empty() ? 1 : 1.4143;  // largest: the square's
     const double within = radius * to_corner + disc.radius;
-    return (place(camera) - disc.middle).squaredNorm() <= within * within;
+    return (place(cell, camera) - disc.middle).squaredNorm() <= within * within;
   }
 
   /// Returns the run of a span. It may point into `scratch`.
@@ -156,7 +166,9 @@ class ApertureFrame final : public PlanarFrame {
     const RayCells::Cell& cell = cells_.cells()[span.cell];
     ApertureRun run;
     run.cell = run_in_cell(span, y);
-    for (int i = 0; i < cell.count; ++i) run.corner[i] = as_floats(place(cell.camera[i]));
+    for (int i = 0; i < cell.count; ++i) {
+      run.corner[i] = as_floats(place(static_cast<std::size_t>(span.cell), cell.camera[i]));
+    }
     run.cameras = cameras_[span.cell];
     run.opaque = !request_.instant.cache->has_matte();
     run.shape = {sides_, static_cast<float>(lens_.steepness())};
@@ -179,12 +191,13 @@ class ApertureFrame final : public PlanarFrame {
   void mark_blocks(int first, int end) {
     constexpr int kColumnsPerBlock = 8;
     std::vector<PixelBlock> blocks(lens_.cameras().size());
-    rows_.for_each_cell(first, end, [&](int cell, int x_begin, int x_end, int y_begin, int y_end) {
+    rows_.for_each_cell(first, end, [&](int index, int x_begin, int x_end, int y_begin, int y_end) {
+      const auto cell = static_cast<std::size_t>(index);
       for (int x = x_begin; x < x_end; x += kColumnsPerBlock) {
         const PixelBlock part{x, std::min(x + kColumnsPerBlock, x_end), y_begin, y_end};
         const Disc disc = disc_around(crossings(cell, part));
         for (const int camera : gathering_[cell]) {
-          if (!instant_.is_present(camera) || !may_gather(camera, disc)) continue;
+          if (!instant_.is_present(camera) || !may_gather(cell, camera, disc)) continue;
           if (depths_) {
             mark_at_depths(camera, part);
             continue;
@@ -231,10 +244,10 @@ class ApertureFrame final : public PlanarFrame {
 
   /// Returns points whose convex hull contains all crossings of the block's rays with a cell. They
   /// are the crossings of the corners' rays with the cell's plane, or the cell's cameras.
-  std::vector<Eigen::Vector2d> crossings(int index, const PixelBlock& block) const {
+  std::vector<Eigen::Vector2d> crossings(std::size_t index, const PixelBlock& block) const {
     const RayCells::Cell& cell = cells_.cells()[index];
     std::vector<Eigen::Vector2d> points, cameras;
-    for (int i = 0; i < cell.count; ++i) cameras.push_back(place(cell.camera[i]));
+    for (int i = 0; i < cell.count; ++i) cameras.push_back(place(index, cell.camera[i]));
     double first_total = 0;
     for (const double y : {block.y_begin + 0.5, block.y_end - 0.5}) {
       for (const double x : {block.x_begin + 0.5, block.x_end - 0.5}) {
@@ -256,6 +269,7 @@ class ApertureFrame final : public PlanarFrame {
   ApertureLens lens_;
   std::optional<ViewDepths> depths_;  // nullopt: a plane is used
   std::vector<std::array<float, 2>> sides_;
+  std::vector<ApertureLens::Plane> planes_;           // per cell that rays cross
   std::vector<std::vector<int>> gathering_;           // per cell: cameras of the rig
   std::vector<std::vector<ApertureCamera>> cameras_;  // per cell: as gathering_
 };

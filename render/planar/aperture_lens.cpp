@@ -102,7 +102,9 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& ins
   sides_ = sides_of(options.text("shape"));
 
   const rig::Rig& rig = *instant.rig;
-  const auto axes = plane_axes(rig, instant.complete->normal);
+  outwards_ = instant.present->outwards;
+  up_ = instant.present->up;
+  array_plane_.axes = plane_axes(rig, instant.complete->normal);
   const Eigen::Vector3d centre = rig.centre();
   const std::vector<double> present = max_neighbour_distances(rig, *instant.present);
   const std::vector<double> complete = max_neighbour_distances(rig, *instant.complete);
@@ -110,7 +112,7 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& ins
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     const bool is_present = instant.is_present(static_cast<int>(i));
     Camera camera;
-    camera.position = axes * (rig.cameras[i].pose.position - centre);
+    camera.position = rig.cameras[i].pose.position - centre;
     camera.radius = std::max(radius, is_present ? present[i] : complete[i]);
     if (!is_present && complete[i] == 0) camera.radius = 0;  // excluded or replaced
     if (alone && is_present) camera.radius = std::numeric_limits<double>::infinity();
@@ -128,12 +130,38 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& ins
   }
 }
 
-double ApertureLens::weight(const Camera& camera, const Eigen::Vector2d& crossing) const {
+ApertureLens::Plane ApertureLens::plane_of(const RayCells::Cell& cell) const {
+  if (!outwards_) return array_plane_;
+  const auto corner = [&](std::size_t i) { return cameras_[cell.camera[i]].position; };
+  const Eigen::Vector3d edge = corner(1) - corner(0);
+  Plane plane;
+  plane.normal = edge.cross(cell.count == 3 ? Eigen::Vector3d(corner(2) - corner(0)) : up_);
+  plane.normal.normalize();
+  plane.height = plane.normal.dot(corner(0));
+  Eigen::Vector3d right = up_.cross(plane.normal);
+  if (right.norm() < 1e-6) right = plane.normal.unitOrthogonal();
+  right.normalize();
+  plane.axes << right.transpose(), plane.normal.cross(right).transpose();
+  return plane;
+}
+
+Eigen::Vector2d ApertureLens::place_of(const RayCells::Cell& cell, const Plane& plane,
+                                       const RayCells::Crossing& crossing) const {
+  Eigen::Vector2d place = Eigen::Vector2d::Zero();
+  for (int i = 0; i < cell.count; ++i) {
+    place += crossing.weight[i] * plane.place_of(cameras_[cell.camera[i]]);
+  }
+  return place;
+}
+
+double ApertureLens::weight(const Camera& camera, const Plane& plane,
+                            const Eigen::Vector2d& place) const {
   if (camera.radius == 0) return 0;
-  const Eigen::Vector2d way = (crossing - camera.position) / camera.radius;
+  const Eigen::Vector2d way = (place - plane.place_of(camera)) / camera.radius;
   double q = sides_.empty() ? way.norm() : 0;
   for (const Eigen::Vector2d& side : sides_) q = std::max(q, std::abs(side.dot(way)));
-  const double t = std::clamp((1 - q * q) * steepness_, 0.0, 1.0);
+  const double q_squared = q * q + plane.relative_height_squared(camera);
+  const double t = std::clamp((1 - q_squared) * steepness_, 0.0, 1.0);
   return t * t * (3 - 2 * t);
 }
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "render/common/method.h"
-#include "rig/topology.h"
+#include "render/common/ray_cells.h"
 
 namespace raystage::render {
 
@@ -15,15 +15,30 @@ namespace raystage::render {
 /// The ray crosses the array's surface (its cells, RayCells) at P. A camera at C has the weight
 ///   f = t^2 (3 - 2 t),  t = clamp((1 - q^2) / (1 - (1 - soft_edge)^2), 0, 1),  q = |P - C| / R,
 /// with distances in the array's best-fit plane; |.| is round or a polygon's norm (R is then the
-/// radius of the inscribed circle). So weights fall smoothly to 0 at the rim and are continuous
+/// radius of the inscribed circle). In an array that looks outwards, distances are in the plane of
+/// the cell that the ray crosses, and a camera's height h off this plane adds (h / R)^2 to q^2: the
+/// distance in space, if round. So weights fall smoothly to 0 at the rim and are continuous
 /// from ray to ray, also for views off the array. R is the aperture's radius, but at least the
 /// largest distance from the camera to a neighbour, because a smaller aperture would contain no
 /// camera between cameras. The smallest aperture is thus a smooth interpolation between neighbours.
 class ApertureLens {
  public:
   struct Camera {
-    Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< in the array's plane, m
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< from the array's centre, world axes, m
     double radius = 0;  ///< R, m; 0: never contributes; infinity: the only camera
+  };
+  /// The plane in which distances from crossings of a cell are measured.
+  struct Plane {
+    Eigen::Matrix<double, 2, 3> axes;                  ///< unit rows
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();  ///< unit; 0 where heights do not count
+    double height = 0;                                 ///< of the cell along `normal`, m
+
+    Eigen::Vector2d place_of(const Camera& camera) const { return axes * camera.position; }
+    /// Returns (h / R)^2 of a camera.
+    double relative_height_squared(const Camera& camera) const {
+      const double relative = (normal.dot(camera.position) - height) / camera.radius;
+      return relative * relative;
+    }
   };
 
   /// Creates the lens that the options describe, focused on `focal_plane` as seen from `view`.
@@ -42,11 +57,20 @@ class ApertureLens {
   /// array allows; otherwise empty.
   const std::string& note() const { return note_; }
 
-  /// Returns f for a camera and a ray that crosses the array at `crossing`, 0 to 1.
-  double weight(const Camera& camera, const Eigen::Vector2d& crossing) const;
+  /// Returns the plane of a cell.
+  Plane plane_of(const RayCells::Cell& cell) const;
+  /// Returns where a ray crosses the cell's plane.
+  Eigen::Vector2d place_of(const RayCells::Cell& cell, const Plane& plane,
+                           const RayCells::Crossing& crossing) const;
+
+  /// Returns f for a camera and a ray that crosses a cell's plane at `place`, 0 to 1.
+  double weight(const Camera& camera, const Plane& plane, const Eigen::Vector2d& place) const;
 
  private:
   std::vector<Camera> cameras_;
+  Plane array_plane_;
+  bool outwards_ = false;
+  Eigen::Vector3d up_ = Eigen::Vector3d::UnitY();  // Topology::up
   std::vector<Eigen::Vector2d> sides_;
   double steepness_ = 1;
   std::string note_;

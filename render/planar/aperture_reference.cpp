@@ -38,15 +38,13 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
                : RayPlaneIntersection(eye, ray.direction, plane);
     if (!hit.is_in_front()) return;
     const RayCells::Cell& cell = cells.cells()[crossing->cell];
-    Eigen::Vector2d position = Eigen::Vector2d::Zero();  // of the ray on the lens
-    for (int i = 0; i < cell.count; ++i) {
-      position += crossing->weight[i] * lens.cameras()[cell.camera[i]].position;
-    }
+    const ApertureLens::Plane lens_plane = lens.plane_of(cell);
+    const Eigen::Vector2d place = lens.place_of(cell, lens_plane, *crossing);
     std::array<double, 3> sum{};
     double seen_weight = 0, present = 0, complete = 0;
     RayCoverage behind;
     for (std::size_t i = 0; i < lens.cameras().size(); ++i) {
-      const double weight = lens.weight(lens.cameras()[i], position);
+      const double weight = lens.weight(lens.cameras()[i], lens_plane, place);
       if (weight == 0) continue;
       complete += weight;
       if (!renderer.frames().has(i)) continue;

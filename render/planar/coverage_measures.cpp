@@ -90,14 +90,12 @@ void measure_aperture_coverage(const ViewRequest& request, const ApertureLens& l
       request,
       [&](const RayCells& cells, const ViewRay& ray, RayCoverage& coverage) {
         const RayCells::Cell& cell = cells.cells()[ray.crossing.cell];
-        Eigen::Vector2d place = Eigen::Vector2d::Zero();
-        for (int i = 0; i < cell.count; ++i) {
-          place += ray.crossing.weight[i] * lens.cameras()[cell.camera[i]].position;
-        }
+        const ApertureLens::Plane plane = lens.plane_of(cell);
+        const Eigen::Vector2d place = lens.place_of(cell, plane, ray.crossing);
         for (const int camera : request.instant.included_cameras) {
           if (!request.instant.is_present(camera)) continue;
           const auto i = static_cast<std::size_t>(camera);
-          const double weight = lens.weight(lens.cameras()[i], place);
+          const double weight = lens.weight(lens.cameras()[i], plane, place);
           if (weight > 0) add_camera(request, ray, i, weight, coverage);
         }
       },

@@ -9,6 +9,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "render/sampling/source_view.h"
+
 namespace raystage::render {
 namespace {
 
@@ -59,8 +61,13 @@ void bound_at(const rig::FisheyeLens& lens, double a, FisheyeFit& fit) {
 
 }  // namespace
 
-FisheyeFit fit_fisheye(const rig::FisheyeLens& lens) {
-  const double largest = lens.largest_angle();
+FisheyeFit fit_fisheye(const rig::FisheyeLens& lens, double farthest) {
+  // Visibility falls to 0 just below the largest angle: that must be outside of the frame.
+  constexpr double kBeyondFrame = 1.05;
+  static_assert(kBeyondFrame * kBeyondFrame * (1 - 1 / double{kFoldFade}) > 1);
+  const auto corner = lens.angle(farthest);
+  const double largest =
+      corner ? std::min(lens.largest_angle(), kBeyondFrame * *corner) : lens.largest_angle();
   const auto powers = powers_from_chebyshev(chebyshev_coefficients([&](double s) {
     const double angle = largest * std::sqrt((s + 1) / 2);
     return angle > 0 ? lens.distance(angle) / angle : lens.slope(0);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/sampling/source_view.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace raystage::render {
 
 SourceView make_source_view(const rig::CameraModel& camera,
@@ -23,7 +26,9 @@ SourceView make_source_view(const rig::CameraModel& camera,
   s.fold_radius_squared = static_cast<float>(camera.fold_radius_squared());
   if (const rig::FisheyeLens* lens = camera.fisheye()) {
     s.is_fisheye = true;
-    s.fisheye = fit_fisheye(*lens);
+    const double across = std::max(k.cx, camera.width() - k.cx) / k.fx;
+    const double down = std::max(k.cy, camera.height() - k.cy) / k.fy;
+    s.fisheye = fit_fisheye(*lens, std::hypot(across, down));
   }
   s.width = camera.width();
   s.height = camera.height();

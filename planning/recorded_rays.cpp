@@ -3,8 +3,8 @@
 // rays of a cell fill a convex polygon. Each of its cameras sees the focal plane in a part of the
 // picture that four borders bound, which are linear in the pixel without lens distortion. The union
 // of the parts of up to three cameras is the sum of their intersections with alternating signs,
-// each of which is convex. With distortion a polygon is divided until its borders are nearly
-// straight. Cost: O(cells), 20 to 100 microseconds for 64 cameras.
+// each of which is convex. With distortion, and for fisheyes, a polygon is divided until its
+// borders are nearly straight. Cost: O(cells), 20 to 100 microseconds for 64 cameras.
 #include "planning/recorded_rays.h"
 
 #include <Eigen/Geometry>
@@ -59,6 +59,8 @@ class PlaneView {
   double tolerance() const { return tolerance_; }
   /// Returns how far inside its borders, in their units, a place certainly stays between others.
   double far_inside() const { return is_straight_ ? 0 : 0.15 * model_->width(); }
+  /// Returns after how many halvings of a region that holds.
+  int far_inside_from() const { return model_->fisheye() != nullptr ? 3 : 0; }
 
   Borders borders_at(const Vector2d& pixel) const {
     const Vector3d at(pixel.x(), pixel.y(), 1);
@@ -66,9 +68,7 @@ class PlaneView {
       const Eigen::Vector4d values = borders_ * at;
       return {values(0), values(1), values(2), values(3)};
     }
-    const Vector3d ideal = ideal_from_pixel_ * at;
-    if (!(ideal.z() > 0)) return scaled(kNowhere);
-    const auto found = model_->pixel_from_ideal(ideal.head<2>() / ideal.z());
+    const auto found = project_ideal(*model_, ideal_from_pixel_ * at);
     if (!found) return scaled(kNowhere);
     return {found->x(), model_->width() - found->x(), found->y(), model_->height() - found->y()};
   }
@@ -191,8 +191,9 @@ class CellCameras {
 
   /// Returns whether a camera sees all of a triangle, so far from its borders that no bend of
   /// theirs matters.
-  bool is_clearly_inside(const Corners& corners) const {
+  bool is_clearly_inside(const Corners& corners, int depth) const {
     for (std::size_t i = 0; i < count_; ++i) {
+      if (depth < cameras_[i]->far_inside_from()) continue;
       double least = corners[0].borders[i][0];
       for (const Corner& corner : corners) {
         for (const double border : corner.borders[i]) least = std::min(least, border);
@@ -206,7 +207,7 @@ class CellCameras {
     constexpr int kMaxDepth = 7;
     const bool is_curved = std::any_of(cameras_.begin(), cameras_.begin() + count_,
                                        [](const auto* camera) { return !camera->is_straight(); });
-    if (is_clearly_inside(corners)) return area_of(corners);
+    if (is_clearly_inside(corners, depth)) return area_of(corners);
     std::array<double, kMaxCameras> margin{};
     Corners middles;
     bool divide = false;
@@ -231,8 +232,10 @@ class CellCameras {
         least = std::min(least, low);
         is_outside = is_outside || high < -margin[i];
       }
-      if (least >= margin[i]) return area_of(corners);
-      if (!is_outside) partial.push_back(i);
+      const bool is_coarse = depth < cameras_[i]->far_inside_from();
+      divide = divide || is_coarse;
+      if (least >= margin[i] && !is_coarse) return area_of(corners);
+      if (!is_outside || is_coarse) partial.push_back(i);
     }
     if (partial.empty()) return 0;
     if (!divide || depth == kMaxDepth) return union_area(corners, partial);
@@ -271,7 +274,8 @@ class CellCameras {
 /// Returns whether the array folds over itself as seen from `eye`: rays then cross several cells,
 /// of which the first counts.
 bool is_folded(const rig::Rig& rig, const rig::Topology& topology, const Vector3d& eye) {
-  if (topology.kind != rig::Topology::Kind::kTriangles) return false;
+  // A line leaves a closed surface through one cell, from wherever it is seen.
+  if (topology.kind != rig::Topology::Kind::kTriangles || topology.outwards) return false;
   bool left = false, right = false;
   for (const rig::Topology::Cell& cell : topology.cells) {
     std::array<Vector3d, 3> to;
@@ -294,6 +298,7 @@ std::vector<Region> regions_of(const RayCells& cells, const Polygon& picture) {
   std::vector<Region> regions;
   for (const RayCells::Cell& cell : cells.cells()) {
     for (const double sign : {1.0, -1.0}) {
+      if (sign < 0 && cell.only_leaving) continue;
       Region region;
       region.cell = &cell;
       region.lines.emplace_back(sign * cell.total);

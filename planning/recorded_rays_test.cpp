@@ -300,5 +300,60 @@ TEST(ViewSampling, GhostingIsThatOfEquation21) {
   EXPECT_FALSE(pixels(plane_at(-4), 4)) << "the plane is behind the view";
 }
 
+/// Returns an array on a sphere or ring of 0.2 m that looks outwards.
+Array outward_array(bool is_ring, const schemas::Intrinsics& intrinsics, int count) {
+  schemas::RigDocument document;
+  for (int i = 0; i < count; ++i) {
+    const double height = is_ring ? 0 : 1 - (i + 0.5) * 2 / count;
+    const double turn =
+        is_ring ? 2 * std::numbers::pi * i / count : i * std::numbers::pi * (3 - std::sqrt(5.0));
+    const double across = std::sqrt(1 - height * height);
+    const Vector3d out(across * std::cos(turn), height, across * std::sin(turn));
+    const Vector3d right = Vector3d::UnitY().cross(-out).normalized(), up = right.cross(out);
+    schemas::CameraGeometry camera{"c" + std::to_string(i), 200, 160, intrinsics, {}, {}, {}};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<Eigen::Index>(axis);
+      camera.world_from_camera[4 * axis] = right[a];
+      camera.world_from_camera[4 * axis + 1] = -up[a];
+      camera.world_from_camera[4 * axis + 2] = -out[a];
+      camera.world_from_camera[4 * axis + 3] = 0.2 * out[a];
+    }
+    camera.world_from_camera[15] = 1;
+    document.cameras.push_back({camera, {}});
+  }
+  Array array{rig::rig_from_document(document), {}};
+  array.topology = complete_topology(array.rig);
+  return array;
+}
+
+TEST(RecordedRays, OfArraysThatLookOutwardsAgreeWithTheReference) {
+  schemas::Intrinsics fisheye{75, 75, 100, 80, {}};
+  fisheye.projection = schemas::Projection::kFtheta;
+  fisheye.half_angle = 1.4;
+  schemas::Intrinsics narrow = fisheye;
+  narrow.fx = narrow.fy = 110;
+  const Array arrays[] = {outward_array(false, fisheye, 16), outward_array(false, narrow, 16),
+                          outward_array(true, {100, 100, 100, 80, {}}, 9)};
+  double least = 1, most = 0;
+  for (const Array& array : arrays) {
+    ASSERT_TRUE(array.topology.outwards);
+    for (const double yaw : {0.0, 100.0, 215.0}) {
+      for (const Vector3d& eye : {Vector3d(0, 0, 0), Vector3d(0.06, 0.02, -0.05)}) {
+        const render::VirtualCamera view =
+            render::virtual_camera_with_fov(96, 72, 60 * kDegree, make_pose(eye, yaw, yaw / 9));
+        const Eigen::Vector4d plane =
+            rig::fronto_parallel_plane(array.rig, 3, view.pose.viewing_direction());
+        const double share = unrecorded_share(view, array.rig, array.topology, plane);
+        const double reference = unrecorded_share_reference(view, array.rig, array.topology, plane);
+        EXPECT_NEAR(share, reference, 0.01) << yaw << ' ' << eye.transpose();
+        least = std::min(least, reference);
+        most = std::max(most, reference);
+      }
+    }
+  }
+  EXPECT_LT(least, 0.001) << "no view shows all";
+  EXPECT_GT(most, 0.02) << "no view lacks rays";
+}
+
 }  // namespace
 }  // namespace raystage::planning

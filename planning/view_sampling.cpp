@@ -22,9 +22,7 @@ using Eigen::Vector3d;
 
 std::optional<Vector2d> pixel_in(const rig::CameraModel& model,
                                  const Eigen::Matrix3d& ideal_from_pixel, const Vector2d& at) {
-  const Vector3d ideal = ideal_from_pixel * Vector3d(at.x(), at.y(), 1);
-  if (!(ideal.z() > 0)) return std::nullopt;
-  const auto pixel = model.pixel_from_ideal(ideal.head<2>() / ideal.z());
+  const auto pixel = project_ideal(model, ideal_from_pixel * Vector3d(at.x(), at.y(), 1));
   return pixel && model.contains(*pixel) ? pixel : std::nullopt;
 }
 
@@ -97,7 +95,7 @@ std::optional<double> ghosting_pixels(const render::VirtualCamera& given, const 
   if (!(from_view > 0)) return std::nullopt;
   if (std::isinf(from_view)) return focal_length * spacing / depth;
   const Vector3d in_focus = render::point_at_depth(view, x, y, from_view);
-  const double from_array = (in_focus - rig.centre()).dot(rig.mean_viewing_direction());
+  const double from_array = rig.depth_of(in_focus);
   if (!(from_array > 0)) return std::nullopt;
   const double apart = spacing * std::abs(from_array / depth - 1);
   return focal_length * apart / from_view;

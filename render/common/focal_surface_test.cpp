@@ -52,13 +52,11 @@ rig::Rig ring(bool outwards) {
   auto cameras = testing::camera_grid(1, 8, 0.06, 64, 48);
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const double turn = 2 * M_PI * static_cast<double>(i) / 8;
-    auto& pose = cameras[i].world_from_camera;
-    pose = {};
-    if (outwards) {
-      pose = {std::cos(turn), 0, -std::sin(turn), -std::sin(turn), 0, 1, 0, 0,
-              std::sin(turn), 0, std::cos(turn),  -std::cos(turn), 0, 0, 0, 1};
+    const double c = std::cos(turn), s = std::sin(turn);
+    if (outwards) {  // at (s, 0, c), looks there
+      cameras[i].world_from_camera = {-c, 0, -s, s, 0, 1, 0, 0, s, 0, -c, c, 0, 0, 0, 1};
     } else {
-      pose = {1, 0, 0, std::sin(turn), 0, 1, 0, std::cos(turn), 0, 0, 1, 0, 0, 0, 0, 1};
+      cameras[i].world_from_camera = {1, 0, 0, s, 0, 1, 0, c, 0, 0, 1, 0, 0, 0, 0, 1};
     }
     cameras[i].row.reset();
     cameras[i].column.reset();

@@ -188,6 +188,16 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
   line("Clock", fmt::format("{}; time stamps mark {}", document.clock, document.timestamp_event));
   line("Shutter", shutter_text(summary.shutters));
   line("JPEG", restart_markers(summary));
+  const auto is_packed = [](const Camera& c) { return c.packed; };
+  if (const long packed = count_of(summary, is_packed); packed > 0) {
+    line("Packed",
+         fmt::format(
+             "{}: frames are unpacked whole when they are read; `raystage unpack` "
+             "returns the JPEG files",
+             packed == static_cast<long>(summary.cameras.size())
+                 ? "JPEG XL"
+                 : fmt::format("JPEG XL in {} of {} cameras", packed, summary.cameras.size())));
+  }
   if (document.depth_range) {
     const schemas::DepthRange range = *document.depth_range;
     line("Depth", std::isfinite(range.far)
@@ -226,6 +236,7 @@ Json json_of(const Camera& camera) {
             {"frames", camera.frames},
             {"missing", missing},
             {"closed", camera.closed},
+            {"packed", camera.packed},
             {"bytes", camera.bytes},
             {"recovered_frames", camera.recovered},
             {"damaged_records", camera.damaged_records},

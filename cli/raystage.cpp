@@ -30,6 +30,8 @@ constexpr Command kCommands[] = {
     {"info", "show the contents of a take and what is missing"},
     {"verify", "check a take against its recorded hashes; exit code 1 if it differs"},
     {"repair", "complete an interrupted recording, repair a damaged take"},
+    {"pack", "recompress the frames of a take without loss"},
+    {"unpack", "return the take that was packed, bit for bit"},
     {"proxy", "write the scene of a take as points or a mesh for other programs"},
     {"prepare", "derive and store the camera depths that a shot needs"},
     {"render", "render a shot as an EXR sequence"},

@@ -27,6 +27,7 @@ pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # Pkg
 find_package(OpenSSL 3.0 REQUIRED COMPONENTS Crypto)                        # OpenSSL::Crypto
 pkg_check_modules(SECCOMP REQUIRED IMPORTED_TARGET libseccomp)             # PkgConfig::SECCOMP
 pkg_check_modules(PNG REQUIRED IMPORTED_TARGET libpng)                      # PkgConfig::PNG
+pkg_check_modules(JXL REQUIRED IMPORTED_TARGET libjxl)                      # PkgConfig::JXL
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)                   # PkgConfig::ZSTD
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)               # PkgConfig::XXHASH
 pkg_check_modules(LIBDEFLATE REQUIRED IMPORTED_TARGET libdeflate)         # PkgConfig::LIBDEFLATE

@@ -25,7 +25,7 @@ set(versions
   "OpenColorIO ${OCIO_VERSION}" "Embree ${embree_VERSION}" "oneTBB ${TBB_VERSION}" "OpenCV ${opencv}"
   "Ceres ${Ceres_VERSION}" "Eigen ${Eigen3_VERSION}" "Assimp ${assimp_VERSION}" "Aravis ${ARAVIS_VERSION}"
   "libcurl ${CURL_VERSION_STRING}"
-  "libjpeg-turbo ${TURBOJPEG_libturbojpeg_VERSION}" "libpng ${PNG_VERSION}" "zstd ${ZSTD_VERSION}"
+  "libjpeg-turbo ${TURBOJPEG_libturbojpeg_VERSION}" "libpng ${PNG_VERSION}" "libjxl ${JXL_VERSION}" "zstd ${ZSTD_VERSION}"
   "xxHash ${XXHASH_VERSION}" "Highway ${HWY_VERSION}" "nlohmann-json ${nlohmann_json_VERSION}"
   "CLI11 ${CLI11_VERSION}" "fmt ${fmt_VERSION}")
 foreach(entry IN LISTS versions)

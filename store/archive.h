@@ -17,6 +17,7 @@
 #include "store/frame_buffers.h"
 #include "store/remote_frames.h"
 #include "store/rotten_frame.h"
+#include "store/unpacked_frames.h"
 
 namespace raystage::store {
 
@@ -48,16 +49,22 @@ struct FrameOrigin {
 /// One record of the journal (48 bytes on disk, layout in docs/formats/journal.md).
 struct FrameRecord {
   Nanoseconds time_ns = 0;   ///< since the take's epoch
-  std::uint64_t offset = 0;  ///< of the JPEG bytes in the archive; 0 when not stored
-  std::uint32_t size = 0;    ///< of the JPEG, bytes; 0 when not stored
+  std::uint64_t offset = 0;  ///< of the frame's bytes in the archive; 0 when not stored
+  std::uint32_t size = 0;    ///< as stored, bytes; 0 when not stored
   FrameStatus status = FrameStatus::kStored;
-  std::uint64_t xxh3 = 0;                 ///< XXH3-64 of the JPEG bytes; 0 when not stored
+  std::uint64_t xxh3 = 0;                 ///< XXH3-64 of the stored bytes; 0 when not stored
   Nanoseconds arrival_ns = kUnknownTime;  ///< see FrameOrigin; journals of version 1 have none
   std::uint64_t sequence = 0;             ///< see FrameOrigin; 0 in journals of version 1
   /// The frame's record was lost and made anew: `xxh3` is that of the bytes found in the archive,
   /// and nothing shows whether these are the recorded ones.
   bool is_unverified = false;
   bool operator==(const FrameRecord&) const = default;
+};
+
+/// The form of the frames of an archive (Matroska's CodecID).
+enum class FrameCodec : std::uint8_t {
+  kJpeg,   ///< every frame is a JPEG
+  kPacked  ///< packed frames (store/jpegxl/packed_frame.h), and JPEGs that could not be packed
 };
 
 /// Most frames of one append(): the frames are written before their records, so that a crash leaves
@@ -67,7 +74,7 @@ inline constexpr int kMaxBatchFrames = 16;
 /// One frame to append, or the record that it is missing.
 struct NewFrame {
   Nanoseconds time_ns = 0;          ///< since the take's epoch
-  std::span<const std::byte> jpeg;  ///< of a frame to store; otherwise ignored
+  std::span<const std::byte> jpeg;  ///< of a frame to store, or packed; otherwise ignored
   FrameStatus status = FrameStatus::kStored;
   FrameOrigin origin;
   bool is_unverified = false;  ///< see FrameRecord
@@ -82,6 +89,7 @@ class ArchiveWriter {
     std::string camera_id;
     int width = 0, height = 0;  ///< pixels
     Nanoseconds epoch_utc = 0;  ///< of time 0, since 1970 (Matroska's DateUTC)
+    FrameCodec codec = FrameCodec::kJpeg;
   };
   /// Creates both files. Throws Error (failed) when they exist already or cannot be created.
   ArchiveWriter(const std::filesystem::path& archive, const std::filesystem::path& journal,
@@ -136,14 +144,16 @@ class ArchiveWriter {
 /// Reads one camera's archive. The journal is the index; where it is missing, torn or incomplete,
 /// the Matroska file is scanned instead. A file truncated at any byte gives every complete frame.
 /// Const members are thread-safe. Frames are copied from the file, which another process may
-/// truncate meanwhile.
+/// truncate meanwhile. Packed frames are unpacked: all members that return a frame return its JPEG.
 class ArchiveReader {
  public:
   /// Opens an archive and its journal. `buffers`: hold the bytes of frames, shared with other
-  /// readers; null: the reader has its own. Throws Error (bad input) if it is not a Matroska file,
-  /// has another time scale, or the journal has a future version or belongs to another archive.
+  /// readers; null: the reader has its own. `unpacked`: holds unpacked frames, likewise. Throws
+  /// Error (bad input) if it is not a Matroska file, has another time scale, or the journal has a
+  /// future version or belongs to another archive.
   ArchiveReader(const ContainedPath& archive, const ContainedPath& journal,
-                std::shared_ptr<FrameBuffers> buffers = nullptr);
+                std::shared_ptr<FrameBuffers> buffers = nullptr,
+                std::shared_ptr<UnpackedFrames> unpacked = nullptr);
   ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal);
   /// Represents the archive of a camera on another host. `records`: in order. `remote` supplies the
   /// bytes of frames; if it is null, `records` must be empty.
@@ -164,12 +174,14 @@ class ArchiveReader {
   std::optional<int> nearest_frame(Nanoseconds time) const;
 
   /// Returns the JPEG bytes of frame i, from the file or another host. Throws RottenFrame if they
-  /// are not the recorded ones, which is checked once per frame, and Error (bad input) if the disk
-  /// cannot read them or the file was truncated.
+  /// are not the recorded ones, which is checked once per frame, or if a packed frame cannot be
+  /// unpacked. Throws Error (bad input) if the disk cannot read them or the file was truncated, and
+  /// Error (failed) if libjxl cannot be run.
   FrameBytes jpeg(int frame) const;
   /// Returns the bytes as jpeg() does, or nullopt where jpeg() would throw RottenFrame.
   std::optional<FrameBytes> intact_jpeg(int frame) const;
   /// Returns whether jpeg() would throw RottenFrame; reads the frame only if that is not known yet.
+  /// Does not unpack: that a packed frame cannot be unpacked is known after jpeg() has tried.
   bool is_rotten(int frame) const;
   /// Returns the structure of frame i. Throws as jpeg() and parse_jpeg_layout(); `name`: for
   /// errors.
@@ -183,9 +195,14 @@ class ArchiveReader {
   void shift_times(Nanoseconds by);
   /// Hints to the kernel to read frame i from the disk in the background.
   void read_ahead(int frame) const;
-  /// Reads frame i and returns whether its bytes have the journal's XXH3; false if the journal has
-  /// none. Throws Error as jpeg() does.
+  /// Reads frame i and returns whether its stored bytes have the journal's XXH3; false if the
+  /// journal has none. Throws Error as jpeg() does.
   bool verify_frame(int frame) const;
+  /// Returns the XXH3-64 of the JPEG of frame i, which packing does not change, without unpacking:
+  /// for fingerprints. 0: unknown. Throws Error as jpeg() does.
+  std::uint64_t jpeg_xxh3(int frame) const;
+  /// Returns whether frame i is stored packed. Throws Error as jpeg() does.
+  bool is_packed(int frame) const;
 
   const ArchiveWriter::Description& description() const;
   bool was_closed() const;      ///< false: the recording ended in a crash or still runs

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads an archive. The journal is the index (archive_index.h), made through a memory map; frames
 // are copied from the file, because another process may truncate it. The nearest frame to a time is
-// found by binary search; frames on another host come from RemoteFrames.
+// found by binary search; frames on another host come from RemoteFrames. Packed frames are checked
+// like others, then unpacked (store/jpegxl/), and kept for the next request.
 #include <xxhash.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cassert>
 #include <iterator>
@@ -17,22 +19,22 @@
 #include "base/posix_file.h"
 #include "store/archive.h"
 #include "store/archive_index.h"
+#include "store/jpegxl/frame_packer.h"
+#include "store/jpegxl/packed_frame.h"
 
 namespace raystage::store {
-
-namespace {
-
-constexpr std::uint32_t kMaxFrameBytes = std::uint32_t{256}
-                                         << 20;  // 65535 x 65535 pixels: 40 MB and more
-
-}  // namespace
 
 struct ArchiveReader::State {
   enum class Integrity : std::uint8_t { kUnchecked, kIntact, kRotten };
 
   State() = default;
-  State(const ContainedPath& archive, std::shared_ptr<FrameBuffers> with_buffers)
-      : path(archive.path()), file(archive), buffers(std::move(with_buffers)) {}
+  State(const ContainedPath& archive, std::shared_ptr<FrameBuffers> with_buffers,
+        std::shared_ptr<UnpackedFrames> with_unpacked)
+      : path(archive.path()),
+        file(archive),
+        buffers(std::move(with_buffers)),
+        unpacked(std::move(with_unpacked)),
+        number(unpacked->new_archive()) {}
 
   const FrameRecord& record(int frame) const {
     assert(frame >= 0 && static_cast<std::size_t>(frame) < index.frames.size());
@@ -47,10 +49,8 @@ struct ArchiveReader::State {
                              path.string(), "Run `raystage verify` on the take");
     }
     const std::shared_ptr<std::byte[]> bytes = buffers->take(wanted.size);
-    if (file->read_at(wanted.offset, {bytes.get(), wanted.size}) != wanted.size) {
-      throw Error::bad_input("frame " + std::to_string(frame) + " cannot be read", path.string(),
-                             "Check the disk and run `raystage verify` on the take");
-    }
+    if (file->read_at(wanted.offset, {bytes.get(), wanted.size}) != wanted.size)
+      throw unreadable(frame);
     return {bytes, wanted.size};
   }
 
@@ -58,7 +58,43 @@ struct ArchiveReader::State {
     return XXH3_64bits(bytes.data(), bytes.size()) == record(frame).xxh3;
   }
 
-  /// Returns the bytes of a frame; none if they are not the recorded ones.
+  bool may_have_packed_frames() const { return index.description.codec == FrameCodec::kPacked; }
+
+  /// Returns what a packed frame states; nullopt of a JPEG. Reads the beginning of the frame.
+  std::optional<JpegFixity> packed_fixity(int frame) const {
+    const FrameRecord& wanted = record(frame);
+    std::array<std::byte, kPackedHeaderBytes> start{};
+    if (!may_have_packed_frames() || wanted.size < start.size()) return std::nullopt;
+    if (file->read_at(wanted.offset, start) != start.size()) throw unreadable(frame);
+    return read_jpeg_fixity(start);
+  }
+
+  Error unreadable(int frame) const {
+    return Error::bad_input("frame " + std::to_string(frame) + " cannot be read", path.string(),
+                            "Check the disk and run `raystage verify` on the take");
+  }
+
+  /// Returns the JPEG of a frame; none if its bytes are not the recorded ones or cannot be
+  /// unpacked.
+  std::optional<FrameBytes> read_intact_jpeg(int frame) const {
+    if (!may_have_packed_frames()) return read_intact(frame);
+    if (auto known = unpacked->find({number, frame})) return known;
+    const std::optional<FrameBytes> stored = read_intact(frame);
+    if (!stored || !is_jpeg_xl(*stored)) return stored;
+    try {
+      const FrameBytes jpeg(
+          std::make_shared<const std::vector<std::byte>>(unpacked->packer().unpack(
+              *stored, {index.description.width, index.description.height}, path)));
+      unpacked->insert({number, frame}, jpeg);
+      return jpeg;
+    } catch (const Error& error) {
+      if (error.exit_code() != ExitCode::kBadInput) throw;
+      integrity[frame] = Integrity::kRotten;
+      return std::nullopt;
+    }
+  }
+
+  /// Returns the stored bytes of a frame; none if they are not the recorded ones.
   std::optional<FrameBytes> read_intact(int frame) const {
     std::atomic<Integrity>& known = integrity[frame];
     if (known == Integrity::kRotten) return std::nullopt;
@@ -74,6 +110,8 @@ struct ArchiveReader::State {
   std::filesystem::path path;
   std::optional<InputFile> file;  // nullopt: on another host
   std::shared_ptr<FrameBuffers> buffers;
+  std::shared_ptr<UnpackedFrames> unpacked;
+  std::uint64_t number = 0;  // of this archive in `unpacked`
   std::shared_ptr<const RemoteFrames> remote;
   ArchiveIndex index;
   std::unique_ptr<std::atomic<Integrity>[]> integrity;  // of each frame
@@ -100,12 +138,14 @@ ArchiveReader::ArchiveReader(const std::filesystem::path& archive,
                     ContainedPath{journal.parent_path(), journal.filename()}) {}
 
 ArchiveReader::ArchiveReader(const ContainedPath& archive, const ContainedPath& journal,
-                             std::shared_ptr<FrameBuffers> buffers) {
+                             std::shared_ptr<FrameBuffers> buffers,
+                             std::shared_ptr<UnpackedFrames> unpacked) {
   // Read the journal first: during a recording each of its records then has its frame.
   std::optional<MappedFile> journal_file;
   if (std::filesystem::exists(journal.path())) journal_file.emplace(journal);
-  state_ = std::make_unique<State>(archive,
-                                   buffers ? std::move(buffers) : std::make_shared<FrameBuffers>());
+  state_ = std::make_unique<State>(
+      archive, buffers ? std::move(buffers) : std::make_shared<FrameBuffers>(),
+      unpacked ? std::move(unpacked) : std::make_shared<UnpackedFrames>());
   state_->index = index_files(MappedFile(*state_->file, archive.path()), journal_file,
                               archive.path(), journal.path());
   state_->integrity =
@@ -159,7 +199,7 @@ FrameBytes ArchiveReader::jpeg(int frame) const {
 }
 
 std::optional<FrameBytes> ArchiveReader::intact_jpeg(int frame) const {
-  return state_->remote ? state_->remote->jpeg(frame) : state_->read_intact(frame);
+  return state_->remote ? state_->remote->jpeg(frame) : state_->read_intact_jpeg(frame);
 }
 
 JpegLayout ArchiveReader::layout(int frame, std::string_view name) const {
@@ -190,11 +230,20 @@ void ArchiveReader::read_ahead(int frame) const {
 
 bool ArchiveReader::is_rotten(int frame) const {
   if (!state_->remote && state_->integrity[frame] == State::Integrity::kIntact) return false;
-  return !intact_jpeg(frame).has_value();
+  return !(state_->remote ? intact_jpeg(frame) : state_->read_intact(frame)).has_value();
 }
 
 bool ArchiveReader::verify_frame(int frame) const {
   return state_->has_recorded_hash(frame, state_->remote ? jpeg(frame) : state_->read(frame));
+}
+
+std::uint64_t ArchiveReader::jpeg_xxh3(int frame) const {
+  const auto packed = state_->remote ? std::nullopt : state_->packed_fixity(frame);
+  return packed ? packed->xxh3 : state_->record(frame).xxh3;
+}
+
+bool ArchiveReader::is_packed(int frame) const {
+  return !state_->remote && state_->packed_fixity(frame).has_value();
 }
 
 const ArchiveWriter::Description& ArchiveReader::description() const {

@@ -47,6 +47,9 @@ constexpr std::array kClusterIdBytes{std::byte{0x1F}, std::byte{0x43}, std::byte
 constexpr std::array kEbmlIdBytes{std::byte{0x1A}, std::byte{0x45}, std::byte{0xDF},
                                   std::byte{0xA3}};
 
+// Of the track. Matroska has no identifier for JPEG XL; FFmpeg 5 has none either.
+constexpr std::string_view kJpegCodec = "V_MJPEG", kPackedCodec = "V_JPEGXL";
+
 // 2001-01-01T00:00:00Z, the epoch of Matroska dates, in nanoseconds since 1970.
 constexpr Nanoseconds kMatroskaEpoch = 978'307'200 * kNanosecondsPerSecond;
 constexpr std::size_t kBlockHeaderBytes = 4;  // track, two bytes of relative time, flags
@@ -59,6 +62,9 @@ int pixels(Bytes file, const Element& element) {
 void read_track(Bytes file, const Element& track, ArchiveWriter::Description& description) {
   ebml::for_each_child(file, track, [&](const Element& child) {
     if (child.id == kTrackName) description.camera_id = ebml::read_string(file, child);
+    if (child.id == kCodecId && ebml::read_string(file, child) == kPackedCodec) {
+      description.codec = FrameCodec::kPacked;
+    }
     if (child.id != kVideo) return;
     ebml::for_each_child(file, child, [&](const Element& leaf) {
       if (leaf.id == kPixelWidth) description.width = pixels(file, leaf);
@@ -148,7 +154,8 @@ Header make_header(const ArchiveWriter::Description& description, HeaderForm for
   track.put_uint(kFlagLacing, 0);
   track.put_string(kLanguage, "und");
   track.put_string(kTrackName, description.camera_id);
-  track.put_string(kCodecId, "V_MJPEG");
+  track.put_string(
+      kCodecId, std::string(description.codec == FrameCodec::kPacked ? kPackedCodec : kJpegCodec));
   const std::size_t rate_in_track = track.size();
   if (form == HeaderForm::kWithRate) track.put_void(kRateBytes);
   track.put_master(kVideo, video);
@@ -156,6 +163,7 @@ Header make_header(const ArchiveWriter::Description& description, HeaderForm for
   tracks.put_master(kTrackEntry, track);
 
   Header header;
+  header.codec = description.codec;
   ebml::Writer file;
   file.put_master(kEbml, head);
   file.put_id(kSegment);
@@ -205,10 +213,17 @@ std::size_t differing_bytes(Bytes file, const Header& header) {
 bool begins_with(Bytes file, const Header& header) { return differing_bytes(file, header) == 0; }
 
 Header header_of_file(Bytes file, const ArchiveWriter::Description& description) {
-  Header with_rate = make_header(description, HeaderForm::kWithRate);
-  Header without_rate = make_header(description, HeaderForm::kWithoutRate);
-  return differing_bytes(file, without_rate) < differing_bytes(file, with_rate) ? without_rate
-                                                                                : with_rate;
+  ArchiveWriter::Description other = description;
+  other.codec = description.codec == FrameCodec::kJpeg ? FrameCodec::kPacked : FrameCodec::kJpeg;
+  Header nearest = make_header(description, HeaderForm::kWithRate);
+  const auto consider = [&](const ArchiveWriter::Description& candidate, HeaderForm form) {
+    Header header = make_header(candidate, form);
+    if (differing_bytes(file, header) < differing_bytes(file, nearest)) nearest = std::move(header);
+  };
+  consider(description, HeaderForm::kWithoutRate);
+  consider(other, HeaderForm::kWithRate);
+  consider(other, HeaderForm::kWithoutRate);
+  return nearest;
 }
 
 std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size) {

@@ -34,6 +34,7 @@ struct Header {
   std::size_t duration_offset = 0;      ///< a Void of kDurationBytes until closed
   std::size_t info_offset = 0, tracks_offset = 0;
   std::size_t rate_offset = 0;  ///< a Void of kRateBytes until closed; 0: kWithoutRate
+  FrameCodec codec = FrameCodec::kJpeg;
 };
 inline constexpr std::size_t kSeekHeadBytes = 128;
 inline constexpr std::size_t kDurationBytes = 11;
@@ -43,8 +44,8 @@ inline constexpr std::size_t kRateBytes = 12;
 Header make_header(const ArchiveWriter::Description& description,
                    HeaderForm form = HeaderForm::kWithRate);
 
-/// Returns the header that a file of this description has: of the form from which the file, which
-/// may be damaged or truncated, differs least.
+/// Returns the header that a file of this description has: of the form and codec from which the
+/// file, which may be damaged or truncated, differs least. Documents do not state the codec.
 Header header_of_file(std::span<const std::byte> file,
                       const ArchiveWriter::Description& description);
 

@@ -53,6 +53,7 @@ struct Take::State {
   rig::Rig rig;
   mutable std::vector<Slot> slots;
   std::shared_ptr<FrameBuffers> buffers = std::make_shared<FrameBuffers>();
+  std::shared_ptr<UnpackedFrames> unpacked = std::make_shared<UnpackedFrames>();
 };
 
 void Take::State::check_cameras() const {
@@ -77,7 +78,7 @@ ArchiveReader Take::State::open(std::size_t camera) const {
     if (auto elsewhere = remote->open(static_cast<int>(camera))) return std::move(*elsewhere);
   }
   ArchiveReader reader(ContainedPath{folder, entry.archive}, ContainedPath{folder, entry.journal},
-                       buffers);
+                       buffers, unpacked);
   // An archive truncated within its header has neither id nor frames to check.
   const auto& found = reader.description();
   const auto& model = rig.cameras[camera].model;
@@ -139,6 +140,8 @@ int Take::camera_index(std::string_view id) const {
 bool Take::is_missing(int camera) const {
   return state_->remote && state_->remote->is_missing(camera);
 }
+
+UnpackedFrames& Take::unpacked_frames() const { return *state_->unpacked; }
 
 bool Take::are_archives_unknown() const { return state_->remote && state_->remote->are_unknown(); }
 

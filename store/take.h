@@ -55,6 +55,8 @@ class Take {
   const ArchiveReader& archive(int camera) const;
   /// Returns whether no host has the camera's archive; see RemoteArchives.
   bool is_missing(int camera) const;
+  /// The unpacked frames of all cameras. Without packed frames it stays empty.
+  UnpackedFrames& unpacked_frames() const;
   /// Returns whether archives on other hosts are unknown; see RemoteArchives::are_unknown().
   bool are_archives_unknown() const;
 
@@ -71,7 +73,7 @@ class TakeWriter {
   /// Throws Error (bad input) if `folder` exists or a camera id is not a safe file name. Throws
   /// Error (failed) if its parent folder is not writable.
   TakeWriter(const std::filesystem::path& folder, schemas::TakeDocument take,
-             schemas::RigDocument rig);
+             schemas::RigDocument rig, FrameCodec codec = FrameCodec::kJpeg);
   ~TakeWriter();  ///< removes what was not committed
   TakeWriter(const TakeWriter&) = delete;
   TakeWriter& operator=(const TakeWriter&) = delete;

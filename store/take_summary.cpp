@@ -44,6 +44,7 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
     result.damaged_records = archive.damaged_records();
     result.closed = archive.was_closed();
     result.bytes = archive.bytes();
+    result.packed = archive.description().codec == FrameCodec::kPacked;
     result.restart_markers = restart_markers_of(archive, result.id);
   } catch (const Error& error) {
     result.error = error.what();

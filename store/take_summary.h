@@ -26,6 +26,7 @@ struct TakeSummary {
     int unverified = 0;                      ///< see FrameRecord::is_unverified
     bool closed = false;
     std::uint64_t bytes = 0;  ///< of the archive
+    bool packed = false;      ///< see FrameCodec
     /// Whether the first frame has restart markers; nullopt if there is no frame or it is not a
     /// JPEG.
     std::optional<bool> restart_markers;

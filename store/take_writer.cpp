@@ -83,11 +83,13 @@ struct TakeWriter::State {
   fs::path target, working;
   schemas::TakeDocument take;
   schemas::RigDocument rig;
+  FrameCodec codec = FrameCodec::kJpeg;
   std::vector<std::optional<ArchiveWriter>> archives;
   bool finished = false, committed = false;
 };
 
-TakeWriter::TakeWriter(const fs::path& folder, schemas::TakeDocument take, schemas::RigDocument rig)
+TakeWriter::TakeWriter(const fs::path& folder, schemas::TakeDocument take, schemas::RigDocument rig,
+                       FrameCodec codec)
     : state_(std::make_unique<State>()) {
   check_ids(take, rig);
   for (schemas::TakeDocument::Camera& camera : take.cameras) {
@@ -102,6 +104,7 @@ TakeWriter::TakeWriter(const fs::path& folder, schemas::TakeDocument take, schem
   state_->working = temporary_folder_beside(state_->target);
   state_->archives.resize(take.cameras.size());
   state_->take = std::move(take);
+  state_->codec = codec;
   state_->rig = std::move(rig);
   if (fs::exists(fs::symlink_status(state_->target))) {
     throw Error::bad_input("a file or folder of this name exists", state_->target.string(),
@@ -132,7 +135,7 @@ ArchiveWriter& TakeWriter::archive(int camera) {
     const schemas::CameraGeometry& geometry = state_->rig.cameras[index].geometry;
     slot.emplace(state_->working / entry.archive, state_->working / entry.journal,
                  ArchiveWriter::Description{entry.id, geometry.width, geometry.height,
-                                            state_->take.epoch_utc});
+                                            state_->take.epoch_utc, state_->codec});
   }
   return *slot;
 }

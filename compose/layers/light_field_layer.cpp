@@ -424,9 +424,9 @@ void LightFieldLayer::add_sources(const store::FrameSelection& tick, Fingerprint
       continue;
     }
     const auto add = [&](int frame) {
-      const store::FrameRecord& record = take_.archive(static_cast<int>(camera)).frames()[frame];
-      print.integer("source", record.time_ns);
-      print.integer("xxh3", static_cast<std::int64_t>(record.xxh3));
+      const store::ArchiveReader& archive = take_.archive(static_cast<int>(camera));
+      print.integer("source", archive.frames()[frame].time_ns);
+      print.integer("xxh3", static_cast<std::int64_t>(archive.jpeg_xxh3(frame)));
     };
     add(tick.frame[camera]);
     if (!tick.is_interpolated(camera)) continue;

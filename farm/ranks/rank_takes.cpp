@@ -151,6 +151,10 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
         const store::ArchiveReader& archive = take->archive(static_cast<int>(i));
         camera.description = archive.description();
         camera.frames.assign(archive.frames().begin(), archive.frames().end());
+        // Other ranks receive JPEGs, also of packed frames.
+        for (std::size_t frame = 0; frame < camera.frames.size(); ++frame) {
+          camera.frames[frame].xxh3 = archive.jpeg_xxh3(static_cast<int>(frame));
+        }
       }
       opened.table.cameras.push_back(std::move(camera));
     }

@@ -19,6 +19,7 @@
 #include "store/fixity/repair_from_copy.h"
 #include "store/fixity/replace_pair.h"
 #include "store/fixity/verify.h"
+#include "store/matroska.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
@@ -130,7 +131,9 @@ bool RepairReport::failed() const {
 
 void write_salvaged_archive(const ArchivePair& pair, const SalvageResult& salvaged,
                             const fs::path& archive, const fs::path& journal) {
-  ArchiveWriter out(archive, journal, pair.description);
+  ArchiveWriter::Description description = pair.description;
+  description.codec = matroska::header_of_file(pair.archive, description).codec;
+  ArchiveWriter out(archive, journal, description);
   for (const FrameRecord& record : salvaged.records) {
     // Offset and size of a missing frame are 0.
     out.append_again(record,

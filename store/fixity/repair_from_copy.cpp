@@ -27,6 +27,7 @@
 #include "store/fixity/merge_pairs.h"
 #include "store/fixity/replace_pair.h"
 #include "store/fixity/verify.h"
+#include "store/matroska.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
@@ -173,6 +174,15 @@ void merge(const PairInFolder& own, const PairInFolder& copy, bool dry_run,
     throw Error::bad_input("the archive is missing here and in the copy",
                            own.files.archive.string(), "Restore it from another copy");
   }
+  const auto codec_of = [](const PairInFolder& side) {
+    return matroska::header_of_file(side.pair.archive, side.pair.description).codec;
+  };
+  const FrameCodec codec = codec_of(own.archive ? own : copy);
+  if (own.archive && copy.archive && codec_of(copy) != codec) {
+    throw Error::bad_input(
+        "one of the archives is packed, the other is not", copy.files.archive.string(),
+        "Make a copy of the same form with `raystage pack` or `raystage unpack`");
+  }
   const ExaminedPair own_pair = own.examine(), copy_pair = copy.examine();
   if (!copy.is_readable || (!own.is_readable && !copy_pair.is_intact)) {
     const fs::path& file = copy.is_readable ? own.files.archive : copy.files.archive;
@@ -204,12 +214,13 @@ void merge(const PairInFolder& own, const PairInFolder& copy, bool dry_run,
   create_folder(own.files.journal.parent_path());
   const bool keep_originals =
       !merged.losses.empty() || merged.has_unidentified_damage || !own.is_readable;
-  result.kept =
-      replace_pair(own.pair, own.files, merged.frames, keep_originals,
-                   [&](const fs::path& archive, const fs::path& journal) {
-                     write_merged_pair(merged, copy.pair, own.pair.description, archive, journal);
-                     check_files();
-                   });
+  result.kept = replace_pair(own.pair, own.files, merged.frames, keep_originals,
+                             [&](const fs::path& archive, const fs::path& journal) {
+                               ArchiveWriter::Description description = own.pair.description;
+                               description.codec = codec;
+                               write_merged_pair(merged, copy.pair, description, archive, journal);
+                               check_files();
+                             });
   result.repaired = true;
 }
 

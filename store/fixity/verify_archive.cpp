@@ -15,6 +15,8 @@
 #include "store/fixity/header_damage.h"
 #include "store/journal.h"
 #include "store/jpeg/decode.h"
+#include "store/jpegxl/frame_packer.h"
+#include "store/jpegxl/packed_frame.h"
 #include "store/matroska.h"
 
 namespace raystage::store {
@@ -128,6 +130,7 @@ class Verifier {
   std::uint64_t cut_end_ = 0;
   std::size_t torn_journal_bytes_ = 0;
   JpegDecoder decoder_;
+  FramePacker packer_;
   ArchiveFixityReport report_;
 };
 
@@ -293,6 +296,12 @@ void Verifier::check_frame(const FrameRecord& record) {
 
 void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected) {
   try {
+    std::vector<std::byte> unpacked;
+    if (header_.codec == FrameCodec::kPacked && is_jpeg_xl(jpeg)) {
+      const FramePacker::Size size{pair_.description.width, pair_.description.height};
+      unpacked = packer_.unpack(jpeg, size, pair_.archive_name);
+      jpeg = unpacked;
+    }
     const RgbImage image = decoder_.decode(jpeg, pair_.archive_name);
     if (image.width == pair_.description.width && image.height == pair_.description.height) return;
     add(pair_.archive_name, record.offset,
@@ -300,6 +309,7 @@ void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const Affect
                     image.height, pair_.description.width, pair_.description.height),
         {affected});
   } catch (const Error& error) {
+    if (error.exit_code() != ExitCode::kBadInput) throw;  // libjxl cannot be run
     add(pair_.archive_name, record.offset, "a frame cannot be decoded: " + error.what_happened(),
         {affected});
   }

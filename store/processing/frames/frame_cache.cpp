@@ -345,12 +345,15 @@ struct FrameCache::State {
   }
 
   std::size_t max_spare_bytes() const { return budget / 8; }
+  std::size_t max_unpacked_bytes() const { return budget / 8; }
 
   /// Evicts the least recently used frames; users of a frame keep it alive.
   void evict() {
     std::vector<std::shared_ptr<const DecodedFrame>> dropped;  // released after the lock
     const std::scoped_lock lock(mutex);
-    while (bytes > budget - max_spare_bytes() && by_use.size() > 1) {
+    const std::size_t unpacked =
+        std::min(take.unpacked_frames().bytes_held(), max_unpacked_bytes());
+    while (bytes > budget - max_spare_bytes() - unpacked && by_use.size() > 1) {
       const auto oldest = entries.find(by_use.back());
       if (oldest->second->frame) {
         bytes -= oldest->second->frame->bytes;
@@ -374,6 +377,7 @@ FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace sp
                                      CodeScale{space, state_->full_scale}, levels);
   }
   state_->ahead.resize(take.rig().cameras.size());
+  take.unpacked_frames().set_budget(state_->max_unpacked_bytes());
 }
 
 FrameCache FrameCache::white(const Take& take, BlendSpace space) {

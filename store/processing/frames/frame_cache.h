@@ -42,7 +42,8 @@ struct DecodeCosts {
 
 /// A cache of the decoded frames of a take, within a memory budget; the least recently used frames
 /// are evicted first. Interpolated frames are computed whole from decoded ones, along optical flow.
-/// An eighth of the budget is for buffers that wait for reuse. A second fetch of a frame that needs
+/// An eighth of the budget is for buffers that wait for reuse, and up to an eighth for the JPEGs of
+/// packed frames. A second fetch of a frame that needs
 /// more MCUs decodes all of it, since more fetches are likely. Within one fetch group only the
 /// missing MCUs are added. Thread-safe; concurrent fetches decode a frame once.
 class FrameCache {

@@ -213,10 +213,9 @@ std::size_t TakeMatte::bytes() const {
 std::string TakeMatte::sources() const {
   std::string text;
   const auto add = [&](const Take& take, int camera, int frames) {
-    const auto& records = take.archive(camera).frames();
-    for (std::size_t i = 0; i < records.size() && i < static_cast<std::size_t>(frames); ++i) {
-      text += fmt::format(" {:x}", records[i].xxh3);
-    }
+    const ArchiveReader& archive = take.archive(camera);
+    const int count = std::min(static_cast<int>(archive.frames().size()), frames);
+    for (int i = 0; i < count; ++i) text += fmt::format(" {:x}", archive.jpeg_xxh3(i));
   };
   if (state_->clean_plate_take) {
     // Clean plates depend on the photometric correction and the transfer function.

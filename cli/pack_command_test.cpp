@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole commands: packed takes, read by other commands and by programs that are not ours.
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "store/take.h"
+#include "testing/cli/render_command_test_data.h"
+
+namespace raystage::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+/// The take of RenderCommandTest, packed as `packed`.
+class PackCommandTest : public RenderCommandTest {
+ protected:
+  CommandResult pack(const std::string& options = "") const {
+    return run_raystage("pack " + quoted("take") + " -o " + quoted("packed") + " -q " + options);
+  }
+};
+
+TEST_F(PackCommandTest, PicturesOfPackedTakesAreTheSameByteForByte) {
+  const CommandResult packed = pack("--json");
+  ASSERT_EQ(packed.exit_code, 0) << packed.output;
+  const auto json = nlohmann::json::parse(packed.output);
+  EXPECT_EQ(json["frames"], 18);
+  EXPECT_EQ(json["packed"], 18);
+  EXPECT_LT(json["bytes_after"], json["bytes_before"]);
+  EXPECT_EQ(json["cameras"].size(), 9);
+
+  ASSERT_EQ(render("a").exit_code, 0);
+  fs::rename(path("take"), path("source"));
+  fs::rename(path("packed"), path("take"));
+  const CommandResult rendered = render("b");
+  ASSERT_EQ(rendered.exit_code, 0) << rendered.output;
+  const auto a = files_under(path("a")), b = files_under(path("b"));
+  EXPECT_EQ(a.size(), kFrames);
+  EXPECT_EQ(a, b);
+
+  EXPECT_EQ(run_raystage("verify " + quoted("take") + " -q").exit_code, 0);
+  EXPECT_EQ(run_raystage("verify " + quoted("take") + " --decode -q").exit_code, 0);
+  EXPECT_THAT(run_raystage("info " + quoted("take")).output, HasSubstr("Packed      JPEG XL"));
+  EXPECT_THAT(run_raystage("info " + quoted("source")).output,
+              ::testing::Not(HasSubstr("Packed      ")));
+
+  const CommandResult again =
+      run_raystage("unpack " + quoted("take") + " -o " + quoted("again") + " -q");
+  ASSERT_EQ(again.exit_code, 0) << again.output;
+  EXPECT_EQ(files_under(path("again")), files_under(path("source")));
+}
+
+TEST_F(PackCommandTest, BadUsageHasExitCode2) {
+  EXPECT_EQ(run_raystage("pack " + quoted("take") + " -o " + quoted("take") + " -q").exit_code, 2);
+  EXPECT_EQ(run_raystage("pack " + quoted("none") + " -o " + quoted("a") + " -q").exit_code, 2);
+  EXPECT_EQ(run_raystage("pack " + quoted("take") + " -o " + quoted("a") + " --effort 0").exit_code,
+            2);
+  const CommandResult unpacked =
+      run_raystage("unpack " + quoted("take") + " -o " + quoted("a") + " -q");
+  EXPECT_EQ(unpacked.exit_code, 2);
+  EXPECT_THAT(unpacked.output, HasSubstr("not packed"));
+}
+
+TEST_F(PackCommandTest, AKilledCommandLeavesTheSourceAndNoTarget) {
+  const auto before = files_under(path("take"));
+  int killed = 0;
+  for (int wait = 0; wait < 40; wait += 4) {
+    std::vector<std::string> words{RAYSTAGE_BIN_DIR "/raystage-pack", path("take").string(), "-o",
+                                   path("packed").string(), "-q"};
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    pid_t process = 0;
+    ASSERT_EQ(posix_spawn(&process, argv[0], &actions, nullptr, argv.data(), environ), 0);
+    posix_spawn_file_actions_destroy(&actions);
+    std::this_thread::sleep_for(std::chrono::milliseconds(wait));
+    ::kill(process, SIGKILL);
+    int status = 0;
+    ASSERT_EQ(::waitpid(process, &status, 0), process);
+    killed += WIFSIGNALED(status) ? 1 : 0;
+    EXPECT_EQ(files_under(path("take")), before);
+    if (!fs::exists(path("packed"))) continue;
+    // It has its name only when it is complete.
+    EXPECT_EQ(run_raystage("verify " + quoted("packed") + " --decode -q").exit_code, 0);
+    fs::remove_all(path("packed"));
+  }
+  EXPECT_GT(killed, 0);
+  EXPECT_EQ(pack().exit_code, 0);
+}
+
+/// Splits what mkvextract wrote into frames by the sizes that mkvinfo lists, as
+/// docs/formats/archive.md describes, and returns each JPEG with djxl.
+TEST_F(PackCommandTest, OtherProgramsReturnTheJpegs) {
+  for (const char* program : {"mkvextract", "mkvinfo", "djxl"}) {
+    if (std::system((std::string("command -v ") + program + " > /dev/null").c_str()) != 0) {
+      GTEST_SKIP() << program << " is not installed (scripts/packages.txt)";
+    }
+  }
+  ASSERT_EQ(pack().exit_code, 0);
+  const store::Take source(path("take"));
+  const std::string id = source.document().cameras[4].id;
+  const std::string script =
+      "cd " + quoted("packed") + " && mkvextract archive/" + id +
+      ".mkv tracks --raw 0:frames > /dev/null && n=0 && at=0 && "
+      "for size in $(mkvinfo -s archive/" +
+      id +
+      ".mkv | sed -n 's/.* size \\([0-9]*\\), .*/\\1/p'); do "
+      "tail -c +$((at + 1)) frames | head -c $size > $n.jxl; "
+      "djxl $n.jxl $n.jpg 2> /dev/null || exit 1; at=$((at + size)); n=$((n + 1)); done";
+  ASSERT_EQ(std::system(script.c_str()), 0) << script;
+  for (int frame = 0; frame < kFrames; ++frame) {
+    const std::string jpeg = read_file(path("packed") / (std::to_string(frame) + ".jpg"));
+    EXPECT_TRUE(std::ranges::equal(std::as_bytes(std::span(jpeg)), source.archive(4).jpeg(frame)));
+  }
+}
+
+}  // namespace
+}  // namespace raystage::testing

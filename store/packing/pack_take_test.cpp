@@ -115,7 +115,7 @@ TEST_F(PackTakeTest, UnpackingReturnsTheSameFiles) {
   std::int64_t refused = 0;
   for (const auto& [why, count] : total.refusals) refused += count;
   EXPECT_EQ(refused, 3);
-  EXPECT_EQ(files_below(path("take")), before);
+  EXPECT_TRUE(files_below(path("take")) == before);
   EXPECT_FALSE(fs::exists(path("packed") / kManifestFile));
   EXPECT_FALSE(fs::exists(path("packed") / "depth"));
 
@@ -124,7 +124,11 @@ TEST_F(PackTakeTest, UnpackingReturnsTheSameFiles) {
   EXPECT_EQ(unpacked.total().bytes_after, total.bytes_before);
   auto expected = before;
   expected.erase("depth/derived");
-  EXPECT_EQ(files_below(path("again")), expected);
+  const auto again = files_below(path("again"));
+  EXPECT_EQ(again.size(), expected.size());
+  for (const auto& [name, bytes] : expected) {
+    EXPECT_TRUE(again.contains(name) && again.at(name) == bytes) << name;
+  }
   const auto manifest = check_manifest(path("again"), read_manifest(path("again")), {});
   EXPECT_TRUE(manifest.is_intact());
 }

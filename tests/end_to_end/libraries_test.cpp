@@ -22,13 +22,14 @@ TEST_P(LibrariesLoadedBy, NoneOfAnImageStack) {
       run(std::string("ldd '" RAYSTAGE_BIN_DIR "/raystage-") + GetParam() + "'");
   ASSERT_EQ(loaded.exit_code, 0) << loaded.err;
   EXPECT_THAT(loaded.out, HasSubstr("libstdc++"));
-  for (const char* library : {"libOpenImageIO", "libopencv", "libassimp", "libOpenEXR"}) {
+  for (const char* library : {"libOpenImageIO", "libopencv", "libassimp", "libOpenEXR", "libjxl"}) {
     EXPECT_THAT(loaded.out, Not(HasSubstr(library)));
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(Commands, LibrariesLoadedBy,
-                         ::testing::Values("record", "join", "info", "verify", "repair"));
+                         ::testing::Values("record", "join", "info", "verify", "repair", "pack",
+                                           "unpack"));
 
 }  // namespace
 }  // namespace raystage

@@ -70,8 +70,11 @@ void copy_other_files(const fs::path& from, const fs::path& to, Direction direct
   }
   const fs::path original(kOriginal);
   std::vector<std::pair<fs::path, fs::path>> manifests;  // source and target
+  // A take that is packed again keeps the manifest of its unpacked form.
+  const bool has_original = is_regular({from, original / kManifestFile});
   for (const char* name : {kManifestFile, kSignatureFile}) {
-    if (direction == Direction::kPack) manifests.emplace_back(name, original / name);
+    if (direction == Direction::kPack)
+      manifests.emplace_back(has_original ? original / name : name, original / name);
     if (direction == Direction::kUnpack) manifests.emplace_back(original / name, name);
     written.insert((original / name).string());
   }

@@ -230,6 +230,23 @@ TEST_F(PackTakeTest, DecodingVerifiesTheOriginals) {
   EXPECT_THROW(Take(path("forged")).archive(0).jpeg(0), RottenFrame);
 }
 
+TEST_F(PackTakeTest, ATakeMayBePackedAgain) {
+  pack();
+  const Take packed(path("packed"));
+  write_file_atomically(path("packed") / kManifestFile,
+                        manifest_as_text(make_manifest(packed, {})));
+  PackOptions options;
+  options.effort = 9;
+  const PackReport report = pack_take(packed, path("smaller"), options);
+  EXPECT_LT(report.total().bytes_after, report.total().bytes_before);
+  EXPECT_EQ(report.total().packed, kCameras * kFrames - 3);
+  unpack_take(Take(path("smaller")), path("again"), {});
+  EXPECT_EQ(testing::bytes_of(path("again") / kManifestFile),
+            testing::bytes_of(path("take") / kManifestFile));
+  EXPECT_EQ(testing::bytes_of(path("again") / "archive" / "c1.mkv"),
+            testing::bytes_of(path("take") / "archive" / "c1.mkv"));
+}
+
 TEST_F(PackTakeTest, RepairKeepsTheForm) {
   pack();
   const fs::path file = path("packed") / "archive" / "c0.mkv";

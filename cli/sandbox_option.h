@@ -13,7 +13,8 @@ namespace raystage::cli {
 inline void add_sandbox_option(CommandLine& command) {
   command.flag(
       "--unsandboxed", [] { ::setenv(sandbox::kUnsandboxedVariable, "1", 1); },
-      "decode meshes, pictures, movies and packed frames without a filter of system calls, where the kernel has "
+      "decode meshes, pictures, movies and packed frames without a filter of system calls, where "
+      "the kernel has "
       "none (seccomp): only files that you trust");
 }
 

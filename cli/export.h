@@ -6,6 +6,8 @@
 
 namespace raystage::cli {
 
+Subcommand declare_export_movies(CommandLine& command);
+Subcommand declare_export_multiview(CommandLine& command);
 Subcommand declare_export_rig(CommandLine& command);
 
 }  // namespace raystage::cli

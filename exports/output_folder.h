@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Outputs that appear when they are complete.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+
+#include "store/take.h"
+
+namespace raystage::exports {
+
+/// A new folder that is filled under a temporary name next to its final one, and renamed when it is
+/// complete. A process that is killed leaves the hidden folder .NAME.HOST.PID.NUMBER.tmp.
+class OutputFolder {
+ public:
+  /// Throws Error (bad input) if `folder` exists, and Error (failed) if it cannot be created.
+  explicit OutputFolder(const std::filesystem::path& folder);
+  ~OutputFolder();  ///< removes what was not committed
+  OutputFolder(const OutputFolder&) = delete;
+  OutputFolder& operator=(const OutputFolder&) = delete;
+
+  const std::filesystem::path& working() const { return working_; }
+  /// Writes all files to the disk, then renames the folder. Throws Error (failed).
+  void commit();
+
+ private:
+  std::filesystem::path target_, working_;
+  bool committed_ = false;
+};
+
+/// What happens to files that exist.
+enum class ExistingFiles { kError, kOverwrite };
+
+/// Throws Error (bad input) if the file exists and must not be replaced, or is in the take; Error
+/// (failed) if it cannot be written.
+void check_output_file(const std::filesystem::path& file, ExistingFiles existing,
+                       const store::Take& take);
+/// Throws Error (bad input) if a folder would be in the take.
+void check_output_outside(const std::filesystem::path& output, const store::Take& take);
+
+/// Throws Error (failed) if the disk of a file or folder, which need not exist, has less than
+/// `bytes` free.
+void check_free_space(const std::filesystem::path& output, double bytes);
+
+}  // namespace raystage::exports

@@ -6,6 +6,7 @@
 
 namespace raystage::cli {
 
+Subcommand declare_export_images(CommandLine& command);
 Subcommand declare_export_movies(CommandLine& command);
 Subcommand declare_export_multiview(CommandLine& command);
 Subcommand declare_export_rig(CommandLine& command);

@@ -31,36 +31,39 @@ void add_frame_options(CommandLine& command, ExportOptions& options, OfferedTime
   command.option("--to S", options.to_s,
                  "last time to export, seconds since the take's epoch (default: the last frame)");
   options.absent = absent;
-  if (times == OfferedTimes::kAll) {
-    options.times = "recorded";
+  const bool has_choice = times == OfferedTimes::kAll || times == OfferedTimes::kImages;
+  options.times = times == OfferedTimes::kAll ? "recorded" : "constant";
+  if (has_choice) {
     command
         .option("--times", options.times,
                 "recorded: every recorded frame at its own time stamp\n"
                 "synchronised: the same, corrected by the clocks of the timeline (raystage sync)\n"
                 "constant: one frame per tick of the timeline, or per 1 / --fps\n"
-                "(default: recorded)")
+                "(default: " +
+                    options.times + ")")
         .one_of({"recorded", "synchronised", "constant"});
     command
         .option("--origin", options.origin,
                 "time 0 of the output with recorded and synchronised times: epoch = the take's\n"
                 "epoch; first = the first exported frame of all cameras (default: epoch)")
         .one_of({"epoch", "first"});
-  } else {
-    options.times = "constant";
   }
   if (times == OfferedTimes::kOne) return;
   command
-      .option("--fps FPS", options.fps,
-              "frames per second of constant times; shows the frames of the nearest tick "
-              "(default: the\ntimeline's)")
+      .option(
+          "--fps FPS", options.fps,
+          "frames per second of constant times, each shows the nearest tick (default: one frame "
+          "per\ntick, at the take's nominal rate if the timeline's is within 0.1 % of it)")
       .range(0.001, 1000.0);
-  command
-      .option("--absent", options.absent,
-              "what stands for an absent frame at constant times: hold = the camera's previous "
-              "frame,\nor else its next one; black; error = stop before anything is written "
-              "(default: " +
-                  absent + ")")
-      .one_of({"hold", "black", "error"});
+  std::vector<std::string> policies{"hold", "black", "error"};
+  std::string help =
+      "what stands for an absent frame at constant times: hold = the camera's previous frame,\n"
+      "or else its next one; black; error = stop before anything is written";
+  if (times == OfferedTimes::kImages) {
+    policies.emplace_back("gap");
+    help += "; gap = no file";
+  }
+  command.option("--absent", options.absent, help + " (default: " + absent + ")").one_of(policies);
 }
 
 void add_existing_option(CommandLine& command, ExportOptions& options) {

@@ -30,7 +30,8 @@ struct ExportOptions {
 
 /// How an export chooses its times.
 enum class OfferedTimes {
-  kAll,       ///< --times recorded|synchronised|constant
+  kAll,       ///< --times recorded|synchronised|constant, by default recorded
+  kImages,    ///< the same, by default constant; absent frames may leave a gap
   kConstant,  ///< only --fps and --absent
   kOne        ///< none: the export has one instant
 };

@@ -188,8 +188,11 @@ CameraFrames constant_frames(const store::Take& take, int camera, const FrameCho
   return result;
 }
 
-/// Returns the rate as an exact ratio, if it is one; measured rates have any number of decimals.
-double exact_rate(double fps) {
+/// Returns the rate of one frame per tick: the nominal rate if the measured one is within 0.1 % of
+/// it, as films are conformed, or else the measured one. As an exact ratio, if it is one.
+double constant_rate(double fps, double nominal_fps) {
+  constexpr double kConformed = 1e-3;
+  if (nominal_fps > 0 && std::abs(fps / nominal_fps - 1) < kConformed) fps = nominal_fps;
   const auto rate = frame_rate_from(std::round(fps * 1e6) / 1e6);
   return rate ? rate->fps() : fps;
 }
@@ -225,7 +228,8 @@ FrameChoice choose_frames(const store::Take& take, const FrameChoiceOptions& opt
   FrameChoice choice;
   choice.fps = timeline ? timeline->fps : take.document().nominal_fps;
   if (options.times == FrameTimes::kConstant) {
-    choice.fps = exact_rate(options.fps > 0 ? options.fps : timeline->fps);
+    choice.fps = options.fps > 0 ? constant_rate(options.fps, options.fps)
+                                 : constant_rate(timeline->fps, take.document().nominal_fps);
     if (!(choice.fps > 0)) {
       throw Error::bad_input("the take has no frame rate", take.folder().string(),
                              "Give the frames per second")

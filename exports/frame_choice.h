@@ -35,7 +35,8 @@ struct FrameChoiceOptions {
   std::optional<double> from_s = {}, to_s = {};  ///< seconds since the take's epoch, inclusive
   FrameTimes times = FrameTimes::kRecorded;
   AbsentFrames absent = AbsentFrames::kHold;  ///< of kConstant
-  /// Frames per second of kConstant; 0: the timeline's, one frame per tick.
+  /// Frames per second of kConstant; 0: one frame per tick, at the take's nominal rate if the
+  /// timeline's is within 0.1 % of it, otherwise at the timeline's.
   double fps = 0;
   /// Whether time 0 of the output is the first exported frame of all cameras instead of the take's
   /// epoch. That of kConstant always is.

@@ -48,7 +48,7 @@ constexpr std::uint32_t kCues = 0x1C53BB6B, kCuePoint = 0xBB, kCueTime = 0xB3,
 constexpr Nanoseconds kMatroskaEpoch = 978'307'200 * kNanosecondsPerSecond;
 constexpr Nanoseconds kMaxRelativeTime = 32767;  // of a block to its cluster
 constexpr std::size_t kSeekHeadRoom = 256;
-constexpr std::size_t kDurationRoom = 18;            // identifier, size, value
+constexpr std::size_t kDurationRoom = 11;            // identifier, size, value
 constexpr std::size_t kMaxClusterBytes = 64U << 20;  // held in memory
 
 void put_binary(ebml::Writer& writer, std::uint32_t id, std::span<const std::byte> bytes) {
@@ -230,10 +230,10 @@ struct MatroskaMovie::State {
   std::vector<std::byte> seek_head(std::uint64_t cues_offset) const {
     ebml::Writer seeks;
     const auto add = [&](std::uint32_t id, std::uint64_t offset) {
-      ebml::Writer identifier;
-      identifier.put_id(id);
       ebml::Writer seek;
-      put_binary(seek, kSeekId, identifier.bytes());
+      seek.put_id(kSeekId);
+      seek.put_big_endian(0x84, 1);  // four bytes follow
+      seek.put_big_endian(id, 4);
       seek.put_uint(kSeekPosition, offset - segment_data);
       seeks.put_master(kSeek, seek);
     };

@@ -73,6 +73,13 @@ void OutputFolder::commit() {
   sync_folder(target_.parent_path());
 }
 
+void write_new_file(const fs::path& file, std::span<const std::byte> bytes) {
+  OutputFile out(file);
+  if (out.write_at(0, bytes)) return;
+  throw Error::from_errno("the file cannot be written", file.string(),
+                          "Check the folder and the free disk space");
+}
+
 void check_output_outside(const fs::path& output, const store::Take& take) {
   std::error_code unknown;  // creating the file reports it then
   const fs::path way = fs::weakly_canonical(output, unknown)

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <span>
 
 #include "store/take.h"
 
@@ -27,6 +28,10 @@ class OutputFolder {
   std::filesystem::path target_, working_;
   bool committed_ = false;
 };
+
+/// Writes a file in the working folder, without waiting for the disk: commit() does. Throws Error
+/// (failed).
+void write_new_file(const std::filesystem::path& file, std::span<const std::byte> bytes);
 
 /// What happens to files that exist.
 enum class ExistingFiles { kError, kOverwrite };

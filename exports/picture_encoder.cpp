@@ -78,7 +78,7 @@ EncoderSettings settings_of(IntraCodec codec) {
     case IntraCodec::kFfv1:
       break;
   }
-  return {"ffv1", AV_PIX_FMT_GBRP, "slicecrc=1", false};
+  return {"ffv1", AV_PIX_FMT_0RGB32, "slicecrc=1", false};
 }
 
 }  // namespace
@@ -88,7 +88,7 @@ struct PictureEncoder::State {
   CodecContext codec;
   Frame frame;
   Packet packet;
-  std::unique_ptr<SwsContext, FreeScaler> scaler;  ///< null: planes are copied
+  std::unique_ptr<SwsContext, FreeScaler> scaler;  ///< null: pixels are copied
   std::int64_t pictures = 0;
 
   void open(IntraCodec kind, int width, int height) {
@@ -143,16 +143,16 @@ struct PictureEncoder::State {
           "choosing the colour matrix", file);
   }
 
-  /// Copies R, G, B codes to the planes G, B, R.
-  void copy_planes(const store::RgbImage& picture) {
-    constexpr std::array<int, 3> kPlaneOfChannel{2, 0, 1};
+  /// Copies R, G, B codes to pixels of 32 bits: X, R, G, B from the highest byte.
+  void copy_pixels(const store::RgbImage& picture) {
     for (int y = 0; y < picture.height; ++y) {
       const auto row = picture.row(y);
-      for (int c = 0; c < 3; ++c) {
-        const int plane = kPlaneOfChannel[c];
-        std::uint8_t* to =
-            frame->data[plane] + static_cast<std::ptrdiff_t>(y) * frame->linesize[plane];
-        for (int x = 0; x < picture.width; ++x) to[x] = row[3 * x + c];
+      std::uint8_t* to = frame->data[0] + static_cast<std::ptrdiff_t>(y) * frame->linesize[0];
+      for (int x = 0; x < picture.width; ++x) {
+        const std::uint32_t pixel = static_cast<std::uint32_t>(row[3 * x]) << 16 |
+                                    static_cast<std::uint32_t>(row[3 * x + 1]) << 8 |
+                                    row[3 * x + 2];
+        std::memcpy(to + std::ptrdiff_t{4} * x, &pixel, sizeof(pixel));
       }
     }
   }
@@ -176,7 +176,7 @@ std::vector<std::byte> PictureEncoder::encode(const store::RgbImage& picture) {
     const int stride[] = {picture.width * 3};
     sws_scale(s.scaler.get(), source, stride, 0, picture.height, s.frame->data, s.frame->linesize);
   } else {
-    s.copy_planes(picture);
+    s.copy_pixels(picture);
   }
   s.frame->pts = s.pictures++;
   check(avcodec_send_frame(s.codec.get(), s.frame.get()), "encoding", s.file);

@@ -7,6 +7,8 @@
 namespace raystage::cli {
 
 Subcommand declare_export_images(CommandLine& command);
+Subcommand declare_export_model(CommandLine& command);
+Subcommand declare_export_mosaic(CommandLine& command);
 Subcommand declare_export_movies(CommandLine& command);
 Subcommand declare_export_multiview(CommandLine& command);
 Subcommand declare_export_rig(CommandLine& command);

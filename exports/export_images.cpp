@@ -12,8 +12,10 @@
 #include "base/cancellation.h"
 #include "base/error.h"
 #include "base/parallel.h"
+#include "exports/exported_rig.h"
 #include "exports/output_folder.h"
 #include "exports/source_frames.h"
+#include "schemas/import_manifest.h"
 #include "schemas/rig_document.h"
 
 namespace raystage::exports {
@@ -69,7 +71,12 @@ ExportReport export_images(const store::Take& take, const ImageExportOptions& op
   for (auto& of_camera : rows) all.insert(all.end(), of_camera.begin(), of_camera.end());
   write_file_atomically(folder.working() / "frames.csv",
                         format_frame_rows(all, take.document().epoch_utc));
-  schemas::write_rig(schemas::read_rig(take.file("rig.json")), folder.working() / "rig.json");
+  schemas::write_rig(exported_rig(take, choice), folder.working() / "rig.json");
+  const std::string space = options.format->color_space(take);
+  const auto manifest = exported_manifest(take, choice, all, space);
+  if (!manifest.cameras.empty()) {
+    schemas::write_import_manifest(manifest, folder.working() / "import.json");
+  }
   folder.commit();
   report.status = RunStatus::kFinished;
   return report;

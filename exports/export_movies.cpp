@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/frame_rate.h"
 #include "base/parallel.h"
+#include "exports/exported_rig.h"
 #include "exports/output_folder.h"
 #include "exports/source_frames.h"
 #include "schemas/rig_document.h"
@@ -103,7 +104,7 @@ ExportReport export_movies(const store::Take& take, const MovieExportOptions& op
   for (auto& of_camera : rows) all.insert(all.end(), of_camera.begin(), of_camera.end());
   write_file_atomically(folder.working() / "frames.csv",
                         format_frame_rows(all, take.document().epoch_utc));
-  schemas::write_rig(schemas::read_rig(take.file("rig.json")), folder.working() / "rig.json");
+  schemas::write_rig(exported_rig(take, choice), folder.working() / "rig.json");
   for (const ExportReport::Camera& camera : report.cameras) {
     if (camera.frames == 0) report.notes.push_back("camera " + camera.id + " has no frames");
   }

@@ -39,6 +39,10 @@ class ImageFormat {
   /// Returns what the help says.
   virtual std::string_view description() const = 0;
   virtual std::string_view extension() const = 0;  ///< ".jpg"
+  /// Returns the colour space of the files, as take.json names it.
+  virtual std::string color_space(const store::Take& take) const {
+    return take.document().color_space;
+  }
   /// Returns the bytes that the files need, roughly. `source_bytes`: of the JPEG frames.
   virtual double estimated_bytes(double source_bytes, double pixels) const = 0;
   /// Returns the encoder of a camera. `fps`: of the sequence. Refers to the take.

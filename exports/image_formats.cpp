@@ -63,6 +63,7 @@ class ExrFormat : public ImageFormat {
            "the header";
   }
   std::string_view extension() const override { return ".exr"; }
+  std::string color_space(const store::Take& /*take*/) const override { return "lin_rec709_scene"; }
   double estimated_bytes(double /*source_bytes*/, double pixels) const override {
     constexpr double kBytesPerPixel = 3;  // half of uncompressed
     return kBytesPerPixel * pixels;

@@ -11,6 +11,7 @@ Subcommand declare_export_model(CommandLine& command);
 Subcommand declare_export_mosaic(CommandLine& command);
 Subcommand declare_export_movies(CommandLine& command);
 Subcommand declare_export_multiview(CommandLine& command);
+Subcommand declare_export_quilt(CommandLine& command);
 Subcommand declare_export_rig(CommandLine& command);
 
 }  // namespace raystage::cli

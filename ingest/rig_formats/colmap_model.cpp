@@ -310,9 +310,15 @@ ExportedRig ColmapFormat::format(const schemas::RigDocument& rig) const {
   std::string cameras = "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n";
   std::string images =
       "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then the image's points: none\n";
+  // In the order of the names, in which `colmap feature_extractor` numbers images:
+  // point_triangulator of COLMAP 3.8 refuses a model whose numbers are not those of its database.
+  std::vector<const schemas::CameraGeometry*> sorted;
+  for (const schemas::RigDocument::Camera& entry : rig.cameras) sorted.push_back(&entry.geometry);
+  std::ranges::sort(sorted, {},
+                    [](const schemas::CameraGeometry* camera) { return camera->id + ".jpg"; });
   int number = 0;
-  for (const schemas::RigDocument::Camera& entry : rig.cameras) {
-    const schemas::CameraGeometry& camera = entry.geometry;
+  for (const schemas::CameraGeometry* of_rig : sorted) {
+    const schemas::CameraGeometry& camera = *of_rig;
     ++number;
     cameras += fmt::format("{} {}\n", number, colmap_camera_line(camera));
     const rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);

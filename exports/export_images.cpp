@@ -46,22 +46,24 @@ ExportReport export_images(const store::Take& take, const ImageExportOptions& op
   std::vector<ExportReport::Camera> counts(cameras);
   std::vector<std::vector<FrameRow>> rows(cameras);
   FrameCounter counter(choice.frames(), options.progress);
-  parallel_for(std::size_t{0}, cameras, [&](std::size_t i, const ParallelLoop& loop) {
-    const CameraFrames& camera = choice.cameras[i];
-    const std::string& id = take.document().cameras[camera.camera].id;
-    SourceFrames source(take, camera, options.frames.absent);
-    const std::unique_ptr<ImageEncoder> encoder =
-        options.format->open(take, camera.camera, choice.fps, options.exr);
-    create_folder(folder.working() / id);
-    while (const auto ready = source.next()) {
-      if (loop.failed()) return;
-      const std::string file =
-          fmt::format("{}/{:06}{}", id, ready->frame.number, options.format->extension());
-      write_new_file(folder.working() / file, encoder->encode(*ready, source));
-      rows[i].push_back({id, file, ready->frame});
-      counter.add();
-    }
-    counts[i] = source.counts();
+  folder.fill([&] {
+    parallel_for(std::size_t{0}, cameras, [&](std::size_t i, const ParallelLoop& loop) {
+      const CameraFrames& camera = choice.cameras[i];
+      const std::string& id = take.document().cameras[camera.camera].id;
+      SourceFrames source(take, camera, options.frames.absent);
+      const std::unique_ptr<ImageEncoder> encoder =
+          options.format->open(take, camera.camera, choice.fps, options.exr);
+      create_folder(folder.working() / id);
+      while (const auto ready = source.next()) {
+        if (loop.failed()) return;
+        const std::string file =
+            fmt::format("{}/{:06}{}", id, ready->frame.number, options.format->extension());
+        write_new_file(folder.working() / file, encoder->encode(*ready, source));
+        rows[i].push_back({id, file, ready->frame});
+        counter.add();
+      }
+      counts[i] = source.counts();
+    });
   });
   ExportReport report;
   report.cameras = std::move(counts);

@@ -114,25 +114,27 @@ ExportReport export_model(const store::Take& take, const ModelExportOptions& opt
   std::vector<char> is_resampled(count, 0);
   std::vector<std::vector<FrameRow>> rows(count);
   FrameCounter counter(choice.frames(), options.progress);
-  parallel_for(std::size_t{0}, count, [&](std::size_t i) {
-    const CameraFrames& of_take = choice.cameras[i];
-    SourceFrames source(take, of_take, AbsentFrames::kGap);
-    if (const auto ready = source.next()) {
-      schemas::RigDocument::Camera camera = rig.cameras[of_take.camera];
-      const schemas::CameraGeometry own = camera.geometry;
-      camera.geometry = exported_geometry(camera, options);
-      const std::string file = "images/" + own.id + ".jpg";
-      if (camera.geometry == own) {
-        write_new_file(folder.working() / file, ready->jpeg);
-      } else {
-        write_new_file(folder.working() / file, resampled_jpeg(source, own, camera.geometry));
-        is_resampled[i] = 1;
+  folder.fill([&] {
+    parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+      const CameraFrames& of_take = choice.cameras[i];
+      SourceFrames source(take, of_take, AbsentFrames::kGap);
+      if (const auto ready = source.next()) {
+        schemas::RigDocument::Camera camera = rig.cameras[of_take.camera];
+        const schemas::CameraGeometry own = camera.geometry;
+        camera.geometry = exported_geometry(camera, options);
+        const std::string file = "images/" + own.id + ".jpg";
+        if (camera.geometry == own) {
+          write_new_file(folder.working() / file, ready->jpeg);
+        } else {
+          write_new_file(folder.working() / file, resampled_jpeg(source, own, camera.geometry));
+          is_resampled[i] = 1;
+        }
+        rows[i].push_back({own.id, file, ready->frame});
+        exported[i] = std::move(camera);
+        counter.add();
       }
-      rows[i].push_back({own.id, file, ready->frame});
-      exported[i] = std::move(camera);
-      counter.add();
-    }
-    report.cameras[i] = source.counts();
+      report.cameras[i] = source.counts();
+    });
   });
   schemas::RigDocument model;
   model.name = rig.name;

@@ -77,24 +77,26 @@ ExportReport export_movies(const store::Take& take, const MovieExportOptions& op
   std::vector<ExportReport::Camera> counts(cameras);
   std::vector<std::vector<FrameRow>> rows(cameras);
   FrameCounter counter(choice.frames(), options.progress);
-  parallel_for(std::size_t{0}, cameras, [&](std::size_t i, const ParallelLoop& loop) {
-    const CameraFrames& camera = choice.cameras[i];
-    SourceFrames source(take, camera, options.frames.absent);
-    const std::string file = take.document().cameras[camera.camera].id + extension;
-    std::unique_ptr<MovieFile> movie;
-    while (const auto ready = source.next()) {
-      if (loop.failed()) return;
-      if (!movie) {
-        movie = codec.create(folder.working() / file,
-                             movie_description(take, camera, choice, options.frames.times));
+  folder.fill([&] {
+    parallel_for(std::size_t{0}, cameras, [&](std::size_t i, const ParallelLoop& loop) {
+      const CameraFrames& camera = choice.cameras[i];
+      SourceFrames source(take, camera, options.frames.absent);
+      const std::string file = take.document().cameras[camera.camera].id + extension;
+      std::unique_ptr<MovieFile> movie;
+      while (const auto ready = source.next()) {
+        if (loop.failed()) return;
+        if (!movie) {
+          movie = codec.create(folder.working() / file,
+                               movie_description(take, camera, choice, options.frames.times));
+        }
+        movie->append(ready->jpeg, codec.copies_jpeg() ? nullptr : &source.picture(),
+                      ready->frame.time_ns);
+        rows[i].push_back({source.counts().id, file, ready->frame});
+        counter.add();
       }
-      movie->append(ready->jpeg, codec.copies_jpeg() ? nullptr : &source.picture(),
-                    ready->frame.time_ns);
-      rows[i].push_back({source.counts().id, file, ready->frame});
-      counter.add();
-    }
-    if (movie) movie->close();
-    counts[i] = source.counts();
+      if (movie) movie->close();
+      counts[i] = source.counts();
+    });
   });
   ExportReport report;
   report.cameras = std::move(counts);

@@ -117,7 +117,8 @@ class QuiltRenderer {
         camera_(opened.shot, opened.file),
         scene_(opened.shot, opened.file, {}),
         aspect_(options.aspect > 0 ? options.aspect : 1.0 * opened.shot.width / opened.shot.height),
-        view_height_(std::max(1, static_cast<int>(std::lround(options.view_width / aspect_)))) {}
+        view_height_(std::max(1, static_cast<int>(std::lround(options.view_width / aspect_)))),
+        zoom_(std::max(1.0, 1.0 * opened.shot.width / opened.shot.height / aspect_)) {}
 
   int width() const { return options_.columns * options_.view_width; }
   int height() const { return options_.rows * view_height_; }
@@ -125,7 +126,8 @@ class QuiltRenderer {
 
   store::RgbImage render(int frame, const std::stop_token& stop, QuiltReport& report,
                          const std::function<void(double)>& progress) const {
-    const compose::CameraState state = camera_.state(frame);
+    compose::CameraState state = camera_.state(frame);
+    state.focal_length_mm *= zoom_;
     report.screen_m = options_.screen_m.value_or(state.focus_m.value_or(kDefaultScreen));
     report.baseline_m = options_.baseline_m.value_or(kInnerShare * array_extent(scene_, state));
     const compose::PlannedFrame planned = scene_.planned(frame);
@@ -173,6 +175,7 @@ class QuiltRenderer {
   replay::Scene scene_;
   double aspect_;
   int view_height_;
+  double zoom_;  ///< so that views narrower than the shot show its height, not more
 };
 
 void check_absent(const std::filesystem::path& file, ExistingFiles existing) {

@@ -23,7 +23,9 @@ struct QuiltExportOptions {
   std::filesystem::path output;  ///< .png, with a frame token for several frames, or a movie
   int columns = 8, rows = 6;     ///< of views, 1 to 64
   int view_width = 420;          ///< pixels, 16 to 8192
-  double aspect = 0;             ///< width / height of a view and of the display; 0: the shot's
+  /// Width / height of a view and of the display; 0: the shot's. A narrower view shows the shot's
+  /// height, a wider one its width.
+  double aspect = 0;
   /// Distance of the plane that appears in the screen, metres; none: the shot's focus distance.
   std::optional<double> screen_m = {};
   /// Distance from the first to the last virtual camera, metres; none: 0.9 times the extent of the

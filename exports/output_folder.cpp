@@ -62,6 +62,20 @@ OutputFolder::~OutputFolder() {
   fs::remove_all(working_, ignored);
 }
 
+Error OutputFolder::with_final_name(const Error& error) const {
+  const auto renamed = [&](std::string text) {
+    const std::string from = working_.string(), to = target_.string();
+    for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
+      text.replace(at, from.size(), to);
+      at += to.size();
+    }
+    return text;
+  };
+  const auto make = error.exit_code() == ExitCode::kBadInput ? &Error::bad_input : &Error::failed;
+  return make(renamed(error.what_happened()), renamed(error.where()), error.what_to_do())
+      .concerning(error.settings());
+}
+
 void OutputFolder::commit() {
   sync_files_below(working_);
   if (rename_folder(working_, target_) != 0) {

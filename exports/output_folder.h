@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <span>
 
+#include "base/error.h"
 #include "store/take.h"
 
 namespace raystage::exports {
@@ -21,10 +22,22 @@ class OutputFolder {
   OutputFolder& operator=(const OutputFolder&) = delete;
 
   const std::filesystem::path& working() const { return working_; }
+  /// Returns what `work` returns, and throws the Error that it throws with the folder's final name
+  /// in place of the temporary one.
+  template <class Work>
+  auto fill(const Work& work) const {
+    try {
+      return work();
+    } catch (const Error& error) {
+      throw with_final_name(error);
+    }
+  }
   /// Writes all files to the disk, then renames the folder. Throws Error (failed).
   void commit();
 
  private:
+  Error with_final_name(const Error& error) const;
+
   std::filesystem::path target_, working_;
   bool committed_ = false;
 };

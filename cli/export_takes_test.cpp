@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage export of takes, as users run it.
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <thread>
+
+#include "base/atomic_file.h"
+#include "testing/cli/test_command.h"
+#include "testing/exports/export_test_data.h"
+
+namespace raystage::cli::export_takes_test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using testing::ExportTake;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+struct ExportTakes : ::testing::Test {
+  /// Runs `raystage export ARGUMENTS` in the folder of the take.
+  testing::CommandResult exported(const std::string& arguments) const {
+    const std::filesystem::path before = std::filesystem::current_path();
+    std::filesystem::current_path(data.folder.path());
+    testing::CommandResult result = testing::run_raystage("export " + arguments);
+    std::filesystem::current_path(before);
+    return result;
+  }
+  std::string text(const std::string& file) const { return read_file(data.out(file)); }
+  bool exists(const std::string& file) const { return std::filesystem::exists(data.out(file)); }
+  ExportTake data;
+};
+
+TEST_F(ExportTakes, MoviesSayWhatTheyLack) {
+  const auto recorded = exported("movies take -o m -q");
+  EXPECT_EQ(recorded.exit_code, 0) << recorded.output;
+  EXPECT_THAT(recorded.output,
+              AllOf(HasSubstr("m: 3 cameras, 21 frames, copy, recorded times\n"),
+                    HasSubstr("1 frames are absent in the take (c1 1); nothing stands for them")));
+  EXPECT_TRUE(exists("m/c2.mov"));
+  const auto constant = exported("movies take -o n -q --times constant --codec ffv1 --fps 30");
+  EXPECT_EQ(constant.exit_code, 0) << constant.output;
+  EXPECT_THAT(constant.output,
+              AllOf(HasSubstr("n: 3 cameras, 48 frames, ffv1, constant times, 30 frames/s\n"),
+                    HasSubstr("are absent in the take (c1 "), HasSubstr("others stand for them")));
+  EXPECT_TRUE(exists("n/c0.mkv"));
+}
+
+TEST_F(ExportTakes, EveryFormHasACommand) {
+  EXPECT_EQ(
+      exported("images take -o i --format exr --compression zips --frames 1,3-4 -q").exit_code, 0);
+  EXPECT_TRUE(exists("i/c1/000003.exr"));
+  EXPECT_FALSE(exists("i/c1/000002.exr"));
+  EXPECT_FALSE(exists("i/c1/000004.exr"));  // lost
+  EXPECT_EQ(exported("mosaic take -o all.mp4 --tile-width 64 -q").exit_code, 0);
+  EXPECT_EQ(exported("multiview take -o all.mkv --cameras c2,c0 -q").exit_code, 0);
+  EXPECT_EQ(exported("model take -o model --frame 2 -q").exit_code, 0);
+  EXPECT_TRUE(exists("model/sparse/0/images.txt"));
+  EXPECT_EQ(exported("model take -o nerf --format nerf -q").exit_code, 0);
+  EXPECT_FALSE(exists("nerf/sparse"));
+  EXPECT_EQ(exported("quilt take -o q.png --columns 2 --rows 1 --view-width 16 -q").exit_code, 0);
+  EXPECT_TRUE(exists("q_qs2x1a1.5.png"));
+}
+
+TEST_F(ExportTakes, ImagesBecomeTheSameTakeAgain) {
+  ASSERT_EQ(exported("images take -o i -q").exit_code, 0);
+  const std::filesystem::path back = data.out("back");
+  const auto imported =
+      testing::run_raystage("import '" + data.out("i").string() + "' -o '" + back.string() + "'");
+  ASSERT_EQ(imported.exit_code, 0) << imported.output;
+  const store::Take was = data.take(), is(back);
+  for (int camera = 0; camera < ExportTake::kCameras; ++camera) {
+    ASSERT_EQ(is.archive(camera).frames().size(), was.archive(camera).frames().size());
+    for (std::size_t i = 0; i < is.archive(camera).frames().size(); ++i) {
+      EXPECT_EQ(is.archive(camera).frames()[i].time_ns, was.archive(camera).frames()[i].time_ns);
+      EXPECT_EQ(is.archive(camera).frames()[i].xxh3, was.archive(camera).frames()[i].xxh3);
+    }
+  }
+  ASSERT_EQ(exported("model take -o model -q").exit_code, 0);
+  for (const char* model : {"model", "model/transforms.json"}) {
+    const auto rig = data.out(std::string(model) == "model" ? "colmap.json" : "nerf.json");
+    const auto read = testing::run_raystage("import '" + data.out(model).string() +
+                                            "' --rig-only -o '" + rig.string() + "'");
+    ASSERT_EQ(read.exit_code, 0) << read.output;
+    const schemas::RigDocument cameras = schemas::read_rig(rig);
+    const schemas::RigDocument own = schemas::read_rig(data.path() / "rig.json");
+    ASSERT_EQ(cameras.cameras.size(), own.cameras.size());
+    for (std::size_t i = 0; i < own.cameras.size(); ++i) {
+      EXPECT_EQ(cameras.cameras[i].geometry.id, own.cameras[i].geometry.id);
+      EXPECT_EQ(cameras.cameras[i].geometry.intrinsics, own.cameras[i].geometry.intrinsics);
+      for (std::size_t k = 0; k < 16; ++k) {
+        EXPECT_NEAR(cameras.cameras[i].geometry.world_from_camera[k],
+                    own.cameras[i].geometry.world_from_camera[k], 1e-12);
+      }
+    }
+  }
+}
+
+TEST_F(ExportTakes, NothingIsReplacedUnasked) {
+  ASSERT_EQ(exported("multiview take -o all.mkv -q").exit_code, 0);
+  const std::string before = text("all.mkv");
+  const auto again = exported("multiview take -o all.mkv -q --cameras c0");
+  EXPECT_EQ(again.exit_code, 2);
+  EXPECT_THAT(again.output, AllOf(HasSubstr("the file exists"), HasSubstr("--existing")));
+  EXPECT_EQ(text("all.mkv"), before);
+  EXPECT_EQ(exported("multiview take -o all.mkv -q --cameras c0 --existing overwrite").exit_code,
+            0);
+  EXPECT_NE(text("all.mkv"), before);
+  for (const std::string command : {"movies", "images", "model"}) {
+    const auto onto = exported(command + " take -o take -q");
+    EXPECT_EQ(onto.exit_code, 2) << command;
+    EXPECT_EQ(exported(command + " take -o take/new -q").exit_code, 2) << command;
+    EXPECT_FALSE(exists("take/new"));
+  }
+  EXPECT_EQ(exported("mosaic take -o take/all.mp4 -q").exit_code, 2);
+  EXPECT_THAT(data.names(), ElementsAre("all.mkv", "take"));
+}
+
+TEST_F(ExportTakes, WhatIsWrongIsNamedWithItsOption) {
+  const auto expect_usage_error = [&](const std::string& arguments, const std::string& part) {
+    const auto result = exported(arguments);
+    EXPECT_EQ(result.exit_code, 2) << arguments;
+    EXPECT_THAT(result.output, HasSubstr(part)) << arguments;
+  };
+  expect_usage_error("movies take -o m --cameras c9", "(--cameras)");
+  expect_usage_error("movies take -o m --times constant --absent error", "(--absent)");
+  expect_usage_error("movies take -o m --codec h264", "(--times)");
+  expect_usage_error("movies take -o m --codec prores --container mkv", "Use .mov");
+  expect_usage_error("movies take -o m --fps 25", "--times constant");
+  expect_usage_error("movies take -o m --times constant --origin first", "--origin");
+  expect_usage_error("movies take -o m --from 100", "--from");
+  expect_usage_error("movies take -o m --frames x", "x");
+  expect_usage_error("movies take -o m --codec av1", "--codec");
+  expect_usage_error("movies none -o m", "none");
+  expect_usage_error("mosaic take -o m.webm", "Use .mp4");
+  expect_usage_error("mosaic take -o m.mp4 --codec copy", "--codec");
+  expect_usage_error("quilt take -o q.gif", "Use .mp4");
+  expect_usage_error("multiview take -o m.mov", ".mkv");
+  expect_usage_error("model take -o m --format google", "--format");
+  EXPECT_THAT(data.names(), ElementsAre("take"));
+}
+
+TEST_F(ExportTakes, RottenFramesHaveAnExitCode) {
+  data.rot(1, 2);
+  const auto result = exported("images take -o i -q");
+  EXPECT_EQ(result.exit_code, 4);
+  EXPECT_THAT(result.output, AllOf(HasSubstr("1 stored frames are not as they were recorded"),
+                                   HasSubstr("i: 3 cameras, 20 frames")));
+  EXPECT_FALSE(exists("i/c1/000003.jpg"));
+  EXPECT_EQ(exported("mosaic take -o all.mp4 --tile-width 32 -q").exit_code, 4);
+  EXPECT_EQ(exported("multiview take -o all.mkv -q").exit_code, 4);
+}
+
+TEST_F(ExportTakes, DamagedFramesAreNamedByTheFinalPath) {
+  // A frame that is stored as it was recorded, but no JPEG.
+  testing::write_take(data.out("fake"), {{0, 1'000'000}}, 20);
+  const auto result = exported("images fake -o i --format png --times recorded -q");
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.output, AllOf(HasSubstr("c0"), Not(HasSubstr(".tmp"))));
+  EXPECT_THAT(data.names(), ElementsAre("fake", "take"));
+}
+
+TEST_F(ExportTakes, AFullDiskLeavesNothing) {
+  const std::string limit = "ulimit -f 4; trap '' XFSZ; ";  // blocks of 512 or 1024 bytes
+  for (const std::string arguments :
+       {"movies take -o m --codec ffv1", "multiview take -o m.mkv", "images take -o m --format exr",
+        "mosaic take -o m.mp4 --tile-width 1024"}) {
+    const std::string command = "cd '" + data.folder.path().string() + "' && " + limit + "'" +
+                                RAYSTAGE_BIN_DIR "/raystage' export " + arguments +
+                                " -q > /dev/null 2>&1";
+    const int status = std::system(("bash -c \"" + command + "\"").c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 1) << arguments;
+    EXPECT_THAT(data.names(), ElementsAre("take")) << arguments;
+  }
+}
+
+TEST_F(ExportTakes, AKilledProcessLeavesNoFileUnderTheName) {
+  for (const int signal : {SIGTERM, SIGKILL}) {
+    const pid_t child = fork();
+    if (child == 0) {
+      const int nowhere = open("/dev/null", O_WRONLY);
+      dup2(nowhere, 1);
+      dup2(nowhere, 2);
+      execl(RAYSTAGE_BIN_DIR "/raystage-export", "raystage-export", "mosaic", data.path().c_str(),
+            "-o", data.out("all.mkv").c_str(), "--fps", "1000", "--tile-width", "2048", "--codec",
+            "ffv1", nullptr);
+      _exit(127);
+    }
+    // Until the temporary file is there.
+    while (data.names().size() < 2) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    kill(child, signal);
+    int status = 0;
+    waitpid(child, &status, 0);
+    EXPECT_FALSE(exists("all.mkv"));
+    if (signal == SIGTERM) {
+      EXPECT_EQ(WEXITSTATUS(status), 128 + SIGTERM);
+      EXPECT_THAT(data.names(), ElementsAre("take"));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace raystage::cli::export_takes_test

@@ -125,7 +125,7 @@ void print_report(const exports::ExportReport& report, const std::string& output
       }
       list += fmt::format("{}{} {}", list.empty() ? "" : ", ", camera.id, camera.absent);
     }
-    print_error("note: {} frames are absent in the take ({}); {}\n", absent, list,
+    print_error("note: {} frames are absent ({}); {}\n", absent, list,
                 held > 0 ? "others stand for them" : "nothing stands for them");
   }
   if (report.rotten() > 0) {

@@ -47,7 +47,10 @@ class PngFormat : public ImageFormat {
     return "8-bit RGB, the codes that libjpeg-turbo decodes";
   }
   std::string_view extension() const override { return ".png"; }
-  double estimated_bytes(double /*source_bytes*/, double pixels) const override { return pixels; }
+  double estimated_bytes(double /*source_bytes*/, double pixels) const override {
+    constexpr double kBytesPerPixel = 2;  // of 3 without compression
+    return kBytesPerPixel * pixels;
+  }
   std::unique_ptr<ImageEncoder> open(const store::Take& /*take*/, int /*camera*/, double /*fps*/,
                                      const ExrExportOptions& /*exr*/) const override {
     return std::make_unique<PngEncoder>();
@@ -65,7 +68,7 @@ class ExrFormat : public ImageFormat {
   std::string_view extension() const override { return ".exr"; }
   std::string color_space(const store::Take& /*take*/) const override { return "lin_rec709_scene"; }
   double estimated_bytes(double /*source_bytes*/, double pixels) const override {
-    constexpr double kBytesPerPixel = 3;  // half of uncompressed
+    constexpr double kBytesPerPixel = 4;  // of 6 without compression
     return kBytesPerPixel * pixels;
   }
   std::unique_ptr<ImageEncoder> open(const store::Take& take, int camera, double fps,

@@ -21,7 +21,7 @@ struct Command {
 
 constexpr Command kCommands[] = {
     {"import", "import images or movies as a take: a manifest, or a rig of another program"},
-    {"export", "write a rig for other programs: facebook360, Google, COLMAP, NeRF"},
+    {"export", "write a take or a rig for other programs: movies, images, quilts, COLMAP, NeRF"},
     {"record", "record the cameras of one ingest node"},
     {"join", "join the recordings of several nodes to one take"},
     {"simulate", "simulate a take with ground truth"},

@@ -85,6 +85,10 @@ Subcommand declare_export_quilt(CommandLine& command) {
               "distance from the first to the last virtual camera, metres (default: 0.9 times the "
               "width of\nthe array)")
       .range(0.0, 1000.0);
+  line.option("--array-row ROW", options.array_row,
+              "views are the frames of this row of the array's own cameras, rectified, instead of "
+              "rendered\nones; as many views as cameras (default: views are rendered)")
+      .range(0, 100000);
   line.option("--method METHOD", options.method,
               "reconstruction method of all takes (default: the shot's; of a take plane_sweep)");
   line.option("--frames RANGE", quilt->frames,

@@ -21,6 +21,7 @@
 #include "compose/draft_shot.h"
 #include "compose/preview/display.h"
 #include "compose/sequence_name.h"
+#include "exports/quilt_views.h"
 #include "images/png_file.h"
 #include "replay/picture_layout.h"
 #include "replay/scene.h"
@@ -40,6 +41,7 @@ constexpr double kEyesApart = 0.065;  // metres, for shots without a take
 struct OpenedShot {
   schemas::ShotDocument shot;
   std::filesystem::path file;
+  std::optional<store::Take> take = {};  ///< that the shot was made for
 };
 
 OpenedShot open_shot(const QuiltExportOptions& options) {
@@ -48,10 +50,10 @@ OpenedShot open_shot(const QuiltExportOptions& options) {
   if (std::filesystem::is_directory(options.input, ignored)) {
     const std::filesystem::path folder =
         std::filesystem::absolute(options.input / "").lexically_normal().parent_path();
-    const store::Take take(folder);
+    opened.take.emplace(folder);
     opened.file = folder.parent_path() / (folder.filename().string() + ".shot.json");
-    opened.shot =
-        replay::make_take_shot(take, store::read_timeline(take), folder.filename().string());
+    opened.shot = replay::make_take_shot(*opened.take, store::read_timeline(*opened.take),
+                                         folder.filename().string());
   } else {
     opened.file = options.input;
     opened.shot = schemas::read_shot(options.input);
@@ -101,82 +103,84 @@ double array_extent(const replay::Scene& scene, const compose::CameraState& stat
   return most > least ? most - least : kEyesApart;
 }
 
-/// Returns the state of the camera `offset` metres to the right, with the same picture of a plane.
-compose::CameraState moved_state(const compose::CameraState& state, double offset,
-                                 double screen_m) {
-  const compose::StereoSettings pair{2 * std::abs(offset), screen_m};
-  return compose::stereo_eye_state(state, pair,
-                                   offset < 0 ? compose::Eye::kLeft : compose::Eye::kRight);
-}
-
-/// Renders the quilt of a frame.
-class QuiltRenderer {
+/// Renders views from a row of virtual cameras.
+class RenderedViews : public QuiltViews {
  public:
-  QuiltRenderer(const OpenedShot& opened, const QuiltExportOptions& options)
-      : options_(options),
-        camera_(opened.shot, opened.file),
-        scene_(opened.shot, opened.file, {}),
-        aspect_(options.aspect > 0 ? options.aspect : 1.0 * opened.shot.width / opened.shot.height),
-        view_height_(std::max(1, static_cast<int>(std::lround(options.view_width / aspect_)))),
-        zoom_(std::max(1.0, 1.0 * opened.shot.width / opened.shot.height / aspect_)) {}
+  RenderedViews(const OpenedShot& opened, const compose::ShotCamera& camera,
+                const QuiltExportOptions& options, QuiltViewShape shape)
+      : options_(options), camera_(camera), scene_(opened.shot, opened.file, {}), shape_(shape) {}
 
-  int width() const { return options_.columns * options_.view_width; }
-  int height() const { return options_.rows * view_height_; }
-  double aspect() const { return aspect_; }
-
-  store::RgbImage render(int frame, const std::stop_token& stop, QuiltReport& report,
-                         const std::function<void(double)>& progress) const {
-    compose::CameraState state = camera_.state(frame);
-    state.focal_length_mm *= zoom_;
-    report.screen_m = options_.screen_m.value_or(state.focus_m.value_or(kDefaultScreen));
-    report.baseline_m = options_.baseline_m.value_or(kInnerShare * array_extent(scene_, state));
-    const compose::PlannedFrame planned = scene_.planned(frame);
-    const compose::ExrMetadata metadata = scene_.plan().metadata(planned);
+  void begin(int frame, QuiltReport& report) override {
+    frame_ = frame;
+    state_ = camera_.state(frame);
+    state_.focal_length_mm *= shape_.zoom;
+    report.screen_m = options_.screen_m.value_or(state_.focus_m.value_or(kDefaultScreen));
+    report.baseline_m = options_.baseline_m.value_or(kInnerShare * array_extent(scene_, state_));
+    planned_ = scene_.planned(frame);
+    const compose::ExrMetadata metadata = scene_.plan().metadata(planned_);
     compose::DisplayOptions display;
     display.background = compose::Background::kBlack;
     display.colors = scene_.plan().colors().studio;
-    const compose::DisplayTransform transform(display, metadata.color_interop_id,
-                                              metadata.color_space);
-    store::RgbImage quilt(width(), height());
+    transform_.emplace(display, metadata.color_interop_id, metadata.color_space);
+    is_rotten_ = false;
+  }
+
+  store::RgbImage view(int index, const std::stop_token& stop, QuiltReport& report) override {
     const int views = options_.columns * options_.rows;
-    bool is_rotten = false;
-    for (int i = 0; i < views; ++i) {
-      const double share = views > 1 ? static_cast<double>(i) / (views - 1) - 0.5 : 0;
-      const compose::CameraState moved =
-          moved_state(state, share * report.baseline_m, report.screen_m);
-      const compose::CompositedView view =
-          scene_.render({frame, replay::make_view_camera(camera_, moved, compose::Eye::kBoth,
-                                                         options_.view_width, view_height_)},
-                        stop);
-      is_rotten = is_rotten || !view.rotten_cameras.empty();
-      for (const double uncovered : view.uncovered_share) {
-        report.least_covered_share = std::min(report.least_covered_share, 1 - uncovered);
-      }
-      store::RgbImage picture(view.picture.width, view.picture.height);
-      for (int y = 0; y < picture.height; ++y) {
-        const std::size_t row = static_cast<std::size_t>(y) * view.picture.width * 4;
-        transform.apply_row(std::span(view.picture.rgba)
-                                .subspan(row, static_cast<std::size_t>(view.picture.width) * 4),
-                            y, picture.row(y));
-      }
-      replay::copy_into(picture, i % options_.columns * options_.view_width,
-                        (options_.rows - 1 - i / options_.columns) * view_height_, quilt);
-      progress(static_cast<double>(i + 1) / views);
+    const double share = views > 1 ? static_cast<double>(index) / (views - 1) - 0.5 : 0;
+    const compose::CameraState moved =
+        moved_state(state_, share * report.baseline_m, report.screen_m);
+    const compose::CompositedView view =
+        scene_.render({frame_, replay::make_view_camera(camera_, moved, compose::Eye::kBoth,
+                                                        shape_.width, shape_.height)},
+                      stop);
+    is_rotten_ = is_rotten_ || !view.rotten_cameras.empty();
+    for (const double uncovered : view.uncovered_share) {
+      report.least_covered_share = std::min(report.least_covered_share, 1 - uncovered);
     }
-    report.rotten += is_rotten ? 1 : 0;
-    report.held += std::ranges::any_of(planned.shown, &compose::ShownTick::held) ? 1 : 0;
-    ++report.frames;
-    return quilt;
+    store::RgbImage picture(view.picture.width, view.picture.height);
+    const std::size_t row = static_cast<std::size_t>(picture.width) * 4;
+    for (int y = 0; y < picture.height; ++y) {
+      transform_->apply_row(
+          std::span(view.picture.rgba).subspan(static_cast<std::size_t>(y) * row, row), y,
+          picture.row(y));
+    }
+    return picture;
+  }
+
+  void end(QuiltReport& report) override {
+    report.rotten += is_rotten_ ? 1 : 0;
+    report.held += std::ranges::any_of(planned_.shown, &compose::ShownTick::held) ? 1 : 0;
   }
 
  private:
   const QuiltExportOptions& options_;
-  compose::ShotCamera camera_;
+  const compose::ShotCamera& camera_;
   replay::Scene scene_;
-  double aspect_;
-  int view_height_;
-  double zoom_;  ///< so that views narrower than the shot show its height, not more
+  QuiltViewShape shape_;
+  int frame_ = 0;
+  compose::CameraState state_;
+  compose::PlannedFrame planned_;
+  std::optional<compose::DisplayTransform> transform_;
+  bool is_rotten_ = false;
 };
+
+/// Returns the options with as many views as the row has cameras.
+QuiltExportOptions with_views_of_row(QuiltExportOptions options,
+                                     const std::optional<store::Take>& take) {
+  if (!options.array_row) return options;
+  if (!take) {
+    throw Error::bad_input("a shot has no row of cameras", options.input.string(),
+                           "Give the take, or render views")
+        .concerning({"array_row"});
+  }
+  const auto count = static_cast<int>(cameras_of_row(*take, *options.array_row).size());
+  if (options.columns * options.rows != count) {
+    options.columns = count;
+    options.rows = 1;
+  }
+  return options;
+}
 
 void check_absent(const std::filesystem::path& file, ExistingFiles existing) {
   std::error_code ignored;
@@ -220,19 +224,30 @@ std::filesystem::path quilt_name(const std::filesystem::path& file, int columns,
   return file.parent_path() / (name + suffix + extension);
 }
 
-QuiltReport export_quilt(const QuiltExportOptions& options, const std::stop_token& stop) {
-  require_valid(options, options.input.string());
-  const bool is_movie = options.output.extension() != ".png";
-  if (is_movie) movie_extension(*options.codec, options.output);
-  const OpenedShot opened = open_shot(options);
+compose::CameraState moved_state(const compose::CameraState& state, double offset,
+                                 double screen_m) {
+  const compose::StereoSettings pair{2 * std::abs(offset), screen_m};
+  return compose::stereo_eye_state(state, pair,
+                                   offset < 0 ? compose::Eye::kLeft : compose::Eye::kRight);
+}
+
+QuiltReport export_quilt(const QuiltExportOptions& given, const std::stop_token& stop) {
+  require_valid(given, given.input.string());
+  const bool is_movie = given.output.extension() != ".png";
+  if (is_movie) movie_extension(*given.codec, given.output);
+  const OpenedShot opened = open_shot(given);
+  const QuiltExportOptions options = with_views_of_row(given, opened.take);
   const std::vector<int> frames = frames_of(options, opened.shot, is_movie);
-  const double aspect =
-      options.aspect > 0 ? options.aspect : 1.0 * opened.shot.width / opened.shot.height;
+  const double shot_aspect = 1.0 * opened.shot.width / opened.shot.height;
+  const double aspect = options.aspect > 0 ? options.aspect : shot_aspect;
+  QuiltViewShape shape;
+  shape.width = options.view_width;
+  shape.height = std::max(1, static_cast<int>(std::lround(options.view_width / aspect)));
+  shape.zoom = std::max(1.0, shot_aspect / aspect);  // a narrower view shows the shot's height
   QuiltReport report;
   report.views = options.columns * options.rows;
-  report.width = options.columns * options.view_width;
-  report.height =
-      options.rows * std::max(1, static_cast<int>(std::lround(options.view_width / aspect)));
+  report.width = options.columns * shape.width;
+  report.height = options.rows * shape.height;
   if (std::max(report.width, report.height) > kMaxQuiltSize) {
     throw Error::bad_input(fmt::format("the quilt would have {}x{} pixels, allowed: {}",
                                        report.width, report.height, kMaxQuiltSize),
@@ -247,21 +262,35 @@ QuiltReport export_quilt(const QuiltExportOptions& options, const std::stop_toke
     throw Error::bad_input("several frames need a number in the name of their files",
                            options.output.string(), "Use a name such as DIR/NAME.####.png");
   }
+  if (opened.take) check_output_outside(named, *opened.take);
   if (is_movie) {
     check_absent(named, options.existing);
   } else {
     for (const int frame : frames) check_absent(name.path(frame), options.existing);
   }
-  check_free_space(named, static_cast<double>(report.width) * report.height *
-                              static_cast<double>(frames.size()) * (is_movie ? 0.05 : 1.5));
+  const double pixels =
+      static_cast<double>(report.width) * report.height * static_cast<double>(frames.size());
+  constexpr double kPngBytesPerPixel = 1.5;
+  check_free_space(
+      named, is_movie ? options.codec->estimated_bytes(0, pixels) : kPngBytesPerPixel * pixels);
   const CancellationScope scope(stop);
-  const QuiltRenderer renderer(opened, options);
+  const compose::ShotCamera camera(opened.shot, opened.file);
+  const std::unique_ptr<QuiltViews> views =
+      options.array_row ? recorded_views(*opened.take, camera, options, frames, shape)
+                        : std::make_unique<RenderedViews>(opened, camera, options, shape);
   std::unique_ptr<MovieFile> movie;
   const FrameRate rate{opened.shot.fps_numerator, opened.shot.fps_denominator};
   for (std::size_t n = 0; n < frames.size(); ++n) {
-    const store::RgbImage quilt = renderer.render(frames[n], stop, report, [&](double part) {
-      options.progress((static_cast<double>(n) + part) / static_cast<double>(frames.size()));
-    });
+    store::RgbImage quilt(report.width, report.height);
+    views->begin(frames[n], report);
+    for (int i = 0; i < report.views; ++i) {
+      replay::copy_into(views->view(i, stop, report), i % options.columns * shape.width,
+                        (options.rows - 1 - i / options.columns) * shape.height, quilt);
+      options.progress((static_cast<double>(n) + static_cast<double>(i + 1) / report.views) /
+                       static_cast<double>(frames.size()));
+    }
+    views->end(report);
+    ++report.frames;
     if (!is_movie) {
       images::write_png(quilt, name.path(frames[n]));
       continue;

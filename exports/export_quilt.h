@@ -31,6 +31,10 @@ struct QuiltExportOptions {
   /// Distance from the first to the last virtual camera, metres; none: 0.9 times the extent of the
   /// array along the row. At its edge, half of a view has no cameras.
   std::optional<double> baseline_m = {};
+  /// Views are the frames of this row of the array's own cameras, rectified, instead of rendered
+  /// ones: only of takes. There are as many views as cameras; if columns * rows is another number,
+  /// they are in one row.
+  std::optional<int> array_row = {};
   std::string method = {};                         ///< of all takes; empty: the shot's
   std::optional<std::vector<int>> frames = {};     ///< sorted; none: the first one, movies: all
   const MovieCodec* codec = &movie_codec("h264");  ///< of movies

@@ -25,14 +25,14 @@ std::uint8_t interpolated(const store::RgbImage& picture, double x, double y, in
 }  // namespace
 
 store::RgbImage resample_lens(const store::RgbImage& picture, const rig::CameraModel& from,
-                              const rig::CameraModel& to) {
+                              const rig::CameraModel& to, const Eigen::Matrix3d& from_to) {
   store::RgbImage result(to.width(), to.height());
   constexpr double kCentre = 0.5;  // of a pixel
   parallel_for(0, result.height, [&](int y) {
     for (int x = 0; x < result.width; ++x) {
       const auto ray = to.unproject({x + kCentre, y + kCentre});
       if (!ray) continue;
-      const auto pixel = from.project(*ray);
+      const auto pixel = from.project(from_to * *ray);
       if (!pixel || !from.contains(*pixel)) continue;
       for (int c = 0; c < 3; ++c) {
         result.at(x, y, c) = interpolated(picture, pixel->x() - kCentre, pixel->y() - kCentre, c);

@@ -30,7 +30,7 @@ void add_frame_options(CommandLine& command, ExportOptions& options, OfferedTime
                  "first time to export, seconds since the take's epoch (default: the first frame)");
   command.option("--to S", options.to_s,
                  "last time to export, seconds since the take's epoch (default: the last frame)");
-  options.absent = absent;
+  options.absent = options.default_absent = absent;
   const bool has_choice = times == OfferedTimes::kAll || times == OfferedTimes::kImages;
   options.times = times == OfferedTimes::kAll ? "recorded" : "constant";
   if (has_choice) {
@@ -95,6 +95,10 @@ exports::FrameChoiceOptions frame_choice(const ExportOptions& options) {
   if (choice.times != FrameTimes::kConstant) {
     if (options.fps > 0) {
       throw Error::bad_input("--fps is for constant times", "", "Add --times constant");
+    }
+    if (options.absent != options.default_absent) {
+      throw Error::bad_input("--absent is for constant times: recorded ones have gaps", "",
+                             "Add --times constant");
     }
     choice.absent = AbsentFrames::kGap;  // a time stamp says where a frame is
   } else if (options.origin != "epoch") {

@@ -21,6 +21,7 @@ struct ExportOptions {
   std::string frames;
   std::optional<double> from_s, to_s;
   std::string times, absent;
+  std::string default_absent;  ///< that of --absent
   double fps = 0;
   std::string origin = "epoch";
   bool overwrites = false;

@@ -132,6 +132,7 @@ TEST_F(ExportTakes, WhatIsWrongIsNamedWithItsOption) {
   expect_usage_error("movies take -o m --codec h264", "(--times)");
   expect_usage_error("movies take -o m --codec prores --container mkv", "Use .mov");
   expect_usage_error("movies take -o m --fps 25", "--times constant");
+  expect_usage_error("movies take -o m --absent black", "--times constant");
   expect_usage_error("movies take -o m --times constant --origin first", "--origin");
   expect_usage_error("movies take -o m --from 100", "--from");
   expect_usage_error("movies take -o m --frames x", "x");

@@ -117,9 +117,10 @@ std::string format_lens(const CameraLens& lens) {
       fmt::format("Camera     {}: {:.3f} px RMS over {} corners in {} views, {} outliers\n",
                   lens.id, found.rms_px, found.corners, found.views, found.outliers);
   const LensParameters values = lens_parameters(found.lens);
+  const auto& parameters = lens_parameterization(found.lens.projection).parameters();
   for (std::size_t k = 0; k < values.size(); ++k) {
     if (found.deviations[k] == 0 && values[k] == 0) continue;
-    text += fmt::format("Lens       {} {:.5g} +- {:.2g}\n", kLensParameterNames[k], values[k],
+    text += fmt::format("Lens       {} {:.5g} +- {:.2g}\n", parameters[k].name, values[k],
                         found.deviations[k]);
   }
   text += fmt::format("Coverage   {:.0f} % of the picture, tilts up to {:.0f} degrees\n",

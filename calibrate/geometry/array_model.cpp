@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the initial pinhole cameras of a calibration from a field of view, places the points of
+// Makes the initial cameras of a calibration from a field of view, places the points of
 // rigid bodies, and computes reprojection residuals in pixels. Residuals cost one projection per
 // observation.
 #include "calibrate/geometry/array_model.h"
@@ -10,14 +10,14 @@
 
 namespace raystage::calibrate {
 
-ArrayModel make_initial_model(const Detections& detections, double horizontal_fov) {
+ArrayModel make_initial_model(const Detections& detections, double horizontal_fov,
+                              std::span<const LensModel> lens_models) {
   ArrayModel model;
-  for (const auto& camera : detections.cameras) {
-    const double focal = camera.width / 2.0 / std::tan(horizontal_fov / 2);
-    model.cameras.push_back({camera.id,
-                             camera.width,
-                             camera.height,
-                             {focal, focal, camera.width / 2.0, camera.height / 2.0, {}},
+  for (std::size_t c = 0; c < detections.cameras.size(); ++c) {
+    const auto& camera = detections.cameras[c];
+    const LensModel lens = lens_models.empty() ? LensModel{} : lens_models[c];
+    model.cameras.push_back({camera.id, camera.width, camera.height,
+                             initial_lens(lens, camera.width, camera.height, horizontal_fov),
                              std::nullopt});
   }
   std::map<int, int> point_of_frame;

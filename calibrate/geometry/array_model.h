@@ -6,11 +6,13 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "calibrate/geometry/detections.h"
+#include "calibrate/geometry/lens_start.h"
 #include "rig/camera_model.h"
 #include "rig/pose.h"
 #include "schemas/geometry.h"
@@ -96,9 +98,10 @@ struct ArrayModel {
 /// undetermined.
 void update_body_points(ArrayModel& model);
 
-/// Returns a model without poses and points. Every camera has a lens of this horizontal field of
-/// view (radians), the principal point in the middle and no distortion.
-ArrayModel make_initial_model(const Detections& detections, double horizontal_fov);
+/// Returns a model without poses and points. Every camera has the initial_lens() of this horizontal
+/// field of view, radians. `lens_models`: by camera; empty: pinholes.
+ArrayModel make_initial_model(const Detections& detections, double horizontal_fov,
+                              std::span<const LensModel> lens_models = {});
 
 /// Returns the model of each camera. Only those whose lens has changed since the last call are made
 /// anew. Throws Error (bad input) if CameraModel rejects a lens.

@@ -30,21 +30,44 @@ rig::Pose compose(const rig::Pose& a_from_b, const rig::Pose& b_from_c) {
           a_from_b.world_from_camera(b_from_c.position)};
 }
 
+LensModel lens_model_of(const ArrayModel::Camera& camera) {
+  return {camera.intrinsics.projection, camera.intrinsics.half_angle};
+}
+
+/// Returns the lens of all cameras with the lens model of one, from their boards.
+schemas::Intrinsics guess_shared_lens(const ArrayModel& model,
+                                      const std::vector<std::vector<BoardView>>& views,
+                                      const ArrayModel::Camera& one) {
+  std::vector<BoardView> all;
+  for (std::size_t c = 0; c < views.size(); ++c) {
+    if (lens_model_of(model.cameras[c]) != lens_model_of(one)) continue;
+    all.insert(all.end(), views[c].begin(), views[c].end());
+  }
+  LensCalibrationOptions options;
+  options.model = lens_model_of(one);
+  return calibrate_lens({"all of them", one.width, one.height, all}, options).lens;
+}
+
 /// Estimates the lenses that are not given, from the boards alone.
 void guess_lenses(ArrayModel& model, const std::vector<std::vector<BoardView>>& views,
                   bool for_each) {
-  std::vector<BoardView> all;
-  for (const auto& of_camera : views) all.insert(all.end(), of_camera.begin(), of_camera.end());
-  const ArrayModel::Camera& first = model.cameras.front();
-  const schemas::Intrinsics shared =
-      calibrate_lens({"all of them", first.width, first.height, all}, {}).lens;
+  std::vector<std::pair<LensModel, schemas::Intrinsics>> shared_lenses;
   for (std::size_t c = 0; c < model.cameras.size(); ++c) {
     ArrayModel::Camera& camera = model.cameras[c];
+    LensCalibrationOptions lens_options;
+    lens_options.model = lens_model_of(camera);
+    auto known = std::ranges::find_if(
+        shared_lenses, [&](const auto& one) { return one.first == lens_options.model; });
+    if (known == shared_lenses.end()) {
+      known = shared_lenses.insert(shared_lenses.end(),
+                                   {lens_options.model, guess_shared_lens(model, views, camera)});
+    }
+    const schemas::Intrinsics shared = known->second;
     camera.intrinsics = shared;
     constexpr std::size_t kMinViews = 6;
     if (!for_each || views[c].size() < kMinViews) continue;
     const schemas::Intrinsics own =
-        calibrate_lens({camera.id, camera.width, camera.height, views[c]}, {}).lens;
+        calibrate_lens({camera.id, camera.width, camera.height, views[c]}, lens_options).lens;
     if (own.fx > shared.fx / 4 && own.fx < shared.fx * 4) camera.intrinsics = own;
   }
 }
@@ -174,7 +197,7 @@ ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& c
                         const SolveOptions& options, SolveReport& report) {
   const Stopwatch watch;
   constexpr double kAnyFov = 1;
-  ArrayModel model = make_initial_model(detections, kAnyFov);
+  ArrayModel model = make_initial_model(detections, kAnyFov, options.lens_models);
   add_bodies(model, corners);
   std::vector<std::vector<BoardView>> views;
   for (std::size_t c = 0; c < model.cameras.size(); ++c) {

@@ -17,18 +17,21 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <optional>
 
 #include "base/error.h"
 #include "base/options.h"
 #include "calibrate/geometry/ceres_options.h"
+#include "calibrate/geometry/lens_projection.h"
 
 namespace raystage::calibrate {
 namespace {
 
 struct Reprojection {
   Eigen::Vector2d pixel;
+  const rig::RadialProjection* fisheye;  // null: a pinhole
   bool square_pixels;
 
   template <class T>
@@ -38,8 +41,9 @@ struct Reprojection {
     const Eigen::Map<const Eigen::Quaternion<T>> camera_from_world(rotation);
     const Vector from_centre = Eigen::Map<const Vector>(point) - Eigen::Map<const Vector>(centre);
     const Vector in_camera = camera_from_world * from_centre;
-    if (!(in_camera.z() < T(0))) return false;  // behind the camera: the step is rejected
-    const Eigen::Matrix<T, 2, 1> seen = project_to_pixel<T>(in_camera, lens, square_pixels);
+    if (!has_projection<T>(in_camera, fisheye)) return false;  // the step is rejected
+    const Eigen::Matrix<T, 2, 1> seen =
+        project_to_pixel<T>(in_camera, lens, fisheye, square_pixels);
     residual[0] = seen.x() - pixel.x();
     residual[1] = seen.y() - pixel.y();
     return true;
@@ -64,17 +68,17 @@ struct BodyReprojection {
 
 /// Weak prior on an ordinary lens, for parameters that the observations leave open.
 struct OrdinaryLens {
+  const LensParameterization* parameterization;
   Eigen::Vector2d middle;
   double width;
 
   template <class T>
   bool operator()(const T* lens, T* residual) const {
     constexpr double kMiddle = 0.1;  // of the width
-    constexpr std::array<double, 5> kDistortion{1, 1, 0.1, 0.1, 2};
     residual[0] = (lens[2] - middle.x()) / (kMiddle * width);
     residual[1] = (lens[3] - middle.y()) / (kMiddle * width);
-    for (std::size_t i = 0; i < kDistortion.size(); ++i) {
-      residual[2 + i] = lens[4 + i] / kDistortion[i];
+    for (std::size_t i = 4; i < kLensParameterCount; ++i) {
+      residual[i - 2] = lens[i] / parameterization->parameters()[i].ordinary_deviation;
     }
     return true;
   }
@@ -82,14 +86,15 @@ struct OrdinaryLens {
 
 /// Shared lens prior: lenses of one model differ little except for their principal points.
 struct OneKind {
+  const LensParameterization* parameterization;
   double focal_length, noise_px;
 
   template <class T>
   bool operator()(const T* lens, const T* kind, T* residual) const {
     for (std::size_t i = 0; i < kLensParameterCount; ++i) {
-      const bool is_middle = i == 2 || i == 3;
-      const double deviation = kLensPriorDeviations[i] * (i < 2 ? focal_length : 1);
-      residual[i] = is_middle ? T(0) : noise_px * (lens[i] - kind[i]) / deviation;
+      const double in_type = parameterization->parameters()[i].deviation_in_type;
+      const double deviation = in_type * (i < 2 ? focal_length : 1);
+      residual[i] = in_type == 0 ? T(0) : noise_px * (lens[i] - kind[i]) / deviation;
     }
     return true;
   }
@@ -127,7 +132,7 @@ struct Values {
       ArrayModel::Camera& camera = model.cameras[i];
       LensParameters& values = lens(i);
       if (square_pixels) values[1] = values[0];
-      camera.intrinsics = intrinsics_from_parameters(values);
+      camera.intrinsics = lens_with_parameters(values, camera.intrinsics);
       if (!camera.pose) continue;
       camera.pose = rig::Pose{rotations[i].normalized().toRotationMatrix().transpose(), centres[i]};
     }
@@ -181,12 +186,18 @@ std::optional<Gauge> gauge_of(const ArrayModel& model, const std::vector<bool>& 
   return gauge;
 }
 
-void drop_what_is_behind(ArrayModel& model) {
+void drop_what_is_unseen(ArrayModel& model) {
+  const bool has_fisheyes = std::ranges::any_of(model.cameras, [](const auto& camera) {
+    return fisheye_projection(camera.intrinsics) != nullptr;
+  });
+  const CameraModels lenses = has_fisheyes ? camera_models(model) : CameraModels{};
   for (ArrayModel::Observation& observation : model.observations) {
     if (!model.counts(observation)) continue;
     const rig::Pose& pose = *model.cameras[observation.camera].pose;
-    const auto& point = *model.points[observation.point];
-    observation.is_outlier = !(pose.camera_from_world(point).z() < 0);
+    const Eigen::Vector3d in_camera = pose.camera_from_world(*model.points[observation.point]);
+    const bool is_fisheye = has_fisheyes && lenses[observation.camera].fisheye() != nullptr;
+    observation.is_outlier =
+        is_fisheye ? !lenses[observation.camera].project(in_camera) : !(in_camera.z() < 0);
   }
 }
 
@@ -212,20 +223,11 @@ void keep_ceres_quiet() { FLAGS_minloglevel = google::FATAL; }
 
 }  // namespace
 
-std::vector<int> fixed_lens_parameters(LensRefinement freedom) {
-  switch (freedom) {
-    case LensRefinement::kNone:
-      return {0, 1, 2, 3, 4, 5, 6, 7, 8};
-    case LensRefinement::kFocalLength:
-      return {1, 2, 3, 4, 5, 6, 7, 8};
-    case LensRefinement::kPinhole:
-      return {1, 4, 5, 6, 7, 8};
-    case LensRefinement::kRadial:
-      return {1, 6, 7, 8};
-    case LensRefinement::kFullModel:
-      return {};
-  }
-  return {};
+bool shares_one_lens(const ArrayModel& model, const BundleAdjustmentOptions& options) {
+  return options.shared_lens &&
+         std::ranges::all_of(model.cameras, [&](const ArrayModel::Camera& camera) {
+           return camera.intrinsics.projection == model.cameras.front().intrinsics.projection;
+         });
 }
 
 bool BundleAdjustmentOptions::is_valid(std::string* reason) const {
@@ -238,9 +240,9 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
                                              const BundleAdjustmentOptions& settings) {
   require_valid(settings, "bundle adjustment");
   keep_ceres_quiet();
-  drop_what_is_behind(model);
+  drop_what_is_unseen(model);
   // Held lenses keep their individual values.
-  Values values(model, settings.shared_lens && settings.lens != LensRefinement::kNone);
+  Values values(model, shares_one_lens(model, settings) && settings.lens != LensRefinement::kNone);
   const bool square_pixels =
       settings.lens != LensRefinement::kNone && settings.lens != LensRefinement::kFullModel;
   ceres::Problem::Options ownership;
@@ -248,14 +250,20 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::EigenQuaternionManifold turns;
   ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>> body_moves;
-  const std::vector<int> held = fixed_lens_parameters(settings.lens);
-  std::unique_ptr<ceres::SubsetManifold> some_of_lens;
-  if (!held.empty() && settings.lens != LensRefinement::kNone) {
-    some_of_lens = std::make_unique<ceres::SubsetManifold>(kLensParameterCount, held);
+  std::map<schemas::Projection, std::unique_ptr<ceres::SubsetManifold>> some_of_lens;
+  for (const ArrayModel::Camera& camera : model.cameras) {
+    const schemas::Projection projection = camera.intrinsics.projection;
+    const std::vector<int> held = fixed_lens_parameters(settings.lens, projection);
+    if (held.empty() || settings.lens == LensRefinement::kNone) continue;
+    some_of_lens[projection] = std::make_unique<ceres::SubsetManifold>(kLensParameterCount, held);
   }
   ceres::CauchyLoss cauchy(settings.loss_scale_px > 0 ? settings.loss_scale_px : 1);
   ceres::LossFunction* loss = settings.loss_scale_px > 0 ? &cauchy : nullptr;
   ceres::Problem problem(ownership);
+  const auto hold_some_of_lens = [&](double* lens, std::size_t camera) {
+    const auto some = some_of_lens.find(model.cameras[camera].intrinsics.projection);
+    if (some != some_of_lens.end()) problem.SetManifold(lens, some->second.get());
+  };
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   BundleAdjustmentReport report;
   const bool has_bodies = !model.bodies.empty();
@@ -266,7 +274,8 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
     double* rotation = values.rotations[camera].coeffs().data();
     double* centre = values.centres[camera].data();
     double* lens = values.lens(camera).data();
-    Reprojection reprojection{observation.pixel, square_pixels};
+    Reprojection reprojection{observation.pixel,
+                              fisheye_projection(model.cameras[camera].intrinsics), square_pixels};
     if (has_bodies) {
       const auto& [body, points_in_body] = place_in_body[observation.point];
       double* body_pose = values.bodies[body].data();
@@ -291,8 +300,8 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
     }
     if (settings.lens == LensRefinement::kNone) {
       problem.SetParameterBlockConstant(lens);
-    } else if (some_of_lens) {
-      problem.SetManifold(lens, some_of_lens.get());
+    } else {
+      hold_some_of_lens(lens, camera);
     }
     ++report.observations;
   }
@@ -310,8 +319,10 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
       if (!problem.HasParameterBlock(lens)) continue;
       const ArrayModel::Camera& camera = model.cameras[i];
       problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<OrdinaryLens, 7, kLensParameterCount>(new OrdinaryLens{
-              {camera.width / 2.0, camera.height / 2.0}, static_cast<double>(camera.width)}),
+          new ceres::AutoDiffCostFunction<OrdinaryLens, 7, kLensParameterCount>(
+              new OrdinaryLens{&lens_parameterization(camera.intrinsics.projection),
+                               {camera.width / 2.0, camera.height / 2.0},
+                               static_cast<double>(camera.width)}),
           nullptr, lens);
       if (values.lenses.size() == 1) break;
     }
@@ -324,10 +335,11 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
     problem.AddResidualBlock(
         new ceres::AutoDiffCostFunction<OneKind, kLensParameterCount, kLensParameterCount,
                                         kLensParameterCount>(
-            new OneKind{kind[0], settings.lens_prior_noise_px}),
+            new OneKind{&lens_parameterization(model.cameras[i].intrinsics.projection), kind[0],
+                        settings.lens_prior_noise_px}),
         nullptr, lens, kind.data());
     ordering->AddElementToGroup(kind.data(), 1);
-    if (some_of_lens) problem.SetManifold(kind.data(), some_of_lens.get());
+    hold_some_of_lens(kind.data(), i);
   }
   // Trials run in parallel instead (solve.cpp).
   ceres::Solver::Options options =

@@ -7,29 +7,15 @@
 
 #include "base/run_status.h"
 #include "calibrate/geometry/array_model.h"
-#include "calibrate/geometry/lens_projection.h"
+#include "calibrate/geometry/lens_parameters.h"
 
 namespace raystage::calibrate {
 
-/// Lens parameters that a bundle adjustment refines; each step includes those of the one before.
-enum class LensRefinement {
-  kNone,
-  kFocalLength,  ///< one for x and y (square pixels)
-  kPinhole,      ///< and the principal point
-  kRadial,       ///< and k1, k2
-  kFullModel     ///< and k3, tangential distortion, separate focal lengths for x and y
-};
-
-/// Standard deviations of the lenses of one model: fx and fy relative, cx and cy (unused), k1, k2,
-/// p1, p2, k3 absolute.
-inline constexpr LensParameters kLensPriorDeviations{0.004, 0.004, 0,     0,   0.01,
-                                                     0.02,  0.001, 0.001, 0.04};
-
 struct BundleAdjustmentOptions {
   LensRefinement lens = LensRefinement::kNone;
-  bool shared_lens = true;  ///< one lens for all cameras
+  bool shared_lens = true;  ///< one lens for all cameras, if they have one projection
   /// Above 0: noise of the detections, pixels, at which a shared lens prior applies to a lens per
-  /// camera: they differ by kLensPriorDeviations except for their principal points.
+  /// camera: they differ by LensParameter::deviation_in_type. Needs one projection.
   double lens_prior_noise_px = 0;
   std::vector<bool> fixed_cameras = {};  ///< whose poses are held; empty: none
   /// Scale of Cauchy's loss, pixels: residuals beyond it lose weight; 0: least squares.
@@ -48,11 +34,11 @@ struct BundleAdjustmentReport {
 /// Refines points, cameras and lenses to minimise the reprojection error (thesis 4.3: one large
 /// least squares over all of them). Uses Ceres: Levenberg-Marquardt with a Schur complement that
 /// eliminates the points. Points of a body move with it as a whole and hold the world's scale.
-/// Undetermined cameras and points stay so; observations of points behind their cameras become
-/// outliers. If fewer than two cameras are held, the world may drift, rotate and change its scale.
-/// Weak priors constrain what the observations do not determine of a lens: the principal point at
-/// the image centre (deviation: a tenth of the width), small distortion. Throws Error (failed) if a
-/// stop is requested.
+/// Undetermined cameras and points stay so; observations of points that their lenses do not see
+/// become outliers. If fewer than two cameras are held, the world may drift, rotate and change its
+/// scale. Weak priors constrain what the observations do not determine of a lens: the principal
+/// point at the image centre (deviation: a tenth of the width), small distortion. Throws Error
+/// (failed) if a stop is requested.
 BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
                                              const BundleAdjustmentOptions& options);
 
@@ -61,8 +47,7 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
 /// of changed observations.
 int classify_outliers(ArrayModel& model, double max_error_px);
 
-/// Returns the indices of the lens parameters (lens_projection.h) that a bundle adjustment holds.
-/// Except for the full model fy follows fx.
-std::vector<int> fixed_lens_parameters(LensRefinement freedom);
+/// Returns whether a bundle adjustment refines one lens for all cameras.
+bool shares_one_lens(const ArrayModel& model, const BundleAdjustmentOptions& options);
 
 }  // namespace raystage::calibrate

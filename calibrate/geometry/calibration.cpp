@@ -36,6 +36,8 @@ std::vector<std::optional<rig::Pose>> begin_with(const Detections& detections,
           "Start from a rig with the same frame size");
     }
     solve.lenses.push_back(known->geometry.intrinsics);
+    const schemas::Intrinsics& lens = known->geometry.intrinsics;
+    solve.lens_models.push_back({lens.projection, lens.half_angle});
     poses.emplace_back(rig::pose_from_matrix(known->geometry.world_from_camera));
     const bool held =
         options.fixes_all_poses ||
@@ -180,7 +182,15 @@ Calibration calibrate(const Detections& all, const CalibrationOptions& options) 
   if (!has_board) calibration.merged_points = merge_static_points(detections);
   SolveOptions solve = options.solve;
   std::vector<std::optional<rig::Pose>> known;
-  if (options.start) known = begin_with(detections, options, solve);
+  if (options.start) {
+    solve.lens_models.clear();
+    known = begin_with(detections, options, solve);
+  }
+  const auto has_other_lens = [&](const LensModel& lens) {
+    return !(lens == solve.lens_models.front());
+  };
+  solve.lens_per_camera =
+      solve.lens_per_camera || std::ranges::any_of(solve.lens_models, has_other_lens);
   const auto differs = [&](const schemas::Intrinsics& lens) {
     return !(lens == solve.lenses.front());
   };

@@ -238,11 +238,15 @@ std::string array_chart(const Calibration& calibration, int up_axis, const char*
   return chart.str();
 }
 
-std::string deviations_table(const Calibration& calibration, const std::vector<CameraFit>& fits) {
+/// Returns the table of the cameras with one kind of lens parameters.
+std::string deviations_table(const Calibration& calibration, const std::vector<CameraFit>& fits,
+                             const LensParameterization& parameterization) {
   const double to_shown = calibration.scale_is_known ? 1000 : 1;
+  const auto& parameters = parameterization.parameters();
   std::string rows;
   for (std::size_t i = 0; i < fits.size(); ++i) {
     const ArrayModel::Camera& camera = calibration.model.cameras[i];
+    if (&lens_parameterization(camera.intrinsics.projection) != &parameterization) continue;
     rows += fmt::format("<tr><td>{}</td><td>{}</td>", charts::escape_html(camera.id),
                         camera.pose ? "" : "no pose");
     rows += fmt::format("<td>{} / {}</td><td>{:.3f}</td><td>{:.0f} %</td>", fits[i].inliers,
@@ -256,6 +260,7 @@ std::string deviations_table(const Calibration& calibration, const std::vector<C
                           position.x(), position.y(), position.z(), turn.x(), turn.y(), turn.z());
       const LensParameters values = lens_parameters(camera.intrinsics);
       for (std::size_t k = 0; k < values.size(); ++k) {
+        if (parameters[k].name.empty()) continue;
         rows += deviation->lens[k] > 0
                     ? fmt::format("<td>{:.5g} ± {:.2g}</td>", values[k], deviation->lens[k])
                     : fmt::format("<td>{:.5g}</td>", values[k]);
@@ -263,13 +268,22 @@ std::string deviations_table(const Calibration& calibration, const std::vector<C
     }
     rows += "</tr>";
   }
+  if (rows.empty()) return {};
   std::string heading = fmt::format(
       "<tr><th>camera</th><th></th><th>points</th><th>RMS, px</th><th>coverage</th><th>position x "
       "y z, {}</th><th>rotation x y z, degrees</th>",
       calibration.scale_is_known ? "mm" : "units");
-  for (const std::string_view name : kLensParameterNames)
-    heading += fmt::format("<th>{}</th>", name);
+  for (const LensParameter& parameter : parameters) {
+    if (!parameter.name.empty()) heading += fmt::format("<th>{}</th>", parameter.name);
+  }
   return "<div class=\"scroll\"><table>" + heading + "</tr>" + rows + "</table></div>";
+}
+
+/// Returns a table for pinholes and one for fisheyes, as far as the array has them.
+std::string deviations_tables(const Calibration& calibration, const std::vector<CameraFit>& fits) {
+  using schemas::Projection;
+  return deviations_table(calibration, fits, lens_parameterization(Projection::kPinhole)) +
+         deviations_table(calibration, fits, lens_parameterization(Projection::kFtheta));
 }
 
 std::string steps_table(const Calibration& calibration) {
@@ -308,7 +322,7 @@ std::string calibration_report_html(const Calibration& calibration, std::string_
       "Uncertainty",
       "One standard deviation, from the covariance of the last bundle adjustment; "
       "lens values without one were held.",
-      deviations_table(calibration, fits));
+      deviations_tables(calibration, fits));
   body += charts::html_section("Steps", "The parameters that were refined, in order.",
                                steps_table(calibration));
   return charts::html_page("Calibration", name, body, kStyle);

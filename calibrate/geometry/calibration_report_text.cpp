@@ -35,13 +35,17 @@ Json camera_json(const Calibration& calibration, std::size_t i, const CameraFit&
   if (!camera.pose) return json;
   json["position"] = json_of(camera.pose->position);
   const LensParameters lens = lens_parameters(camera.intrinsics);
-  for (std::size_t k = 0; k < lens.size(); ++k) json["lens"][kLensParameterNames[k]] = lens[k];
+  const auto& parameters = lens_parameterization(camera.intrinsics.projection).parameters();
+  json["projection"] = schemas::name_of(camera.intrinsics.projection);
+  for (std::size_t k = 0; k < lens.size(); ++k) {
+    if (!parameters[k].name.empty()) json["lens"][parameters[k].name] = lens[k];
+  }
   if (!calibration.uncertainty || !calibration.uncertainty->cameras[i]) return json;
   const Uncertainty::Camera& deviation = *calibration.uncertainty->cameras[i];
   json["position_deviation"] = json_of(deviation.position);
   json["rotation_deviation_deg"] = json_of(deviation.rotation_deg);
   for (std::size_t k = 0; k < lens.size(); ++k) {
-    json["lens_deviation"][kLensParameterNames[k]] = deviation.lens[k];
+    if (!parameters[k].name.empty()) json["lens_deviation"][parameters[k].name] = deviation.lens[k];
   }
   return json;
 }

@@ -133,22 +133,29 @@ double planar_inlier_ratio(const ArrayModel& model) {
   }
   if (found.size() != 2) return 0;
   const CameraModels lenses = camera_models(model);
-  std::vector<cv::Point2d> from, to;
-  std::optional<cv::Point2d> first;
+  std::vector<Eigen::Vector3d> from_rays, to_rays;
+  std::optional<Eigen::Vector3d> first;
   int point = -1;
   for (const ArrayModel::Observation& o : model.observations) {
     if (o.point != point) first.reset();
     point = o.point;
     if (!model.counts(o)) continue;
-    const auto ideal = lenses[o.camera].ideal_from_pixel(o.pixel);
-    if (!ideal) continue;
-    const cv::Point2d place(ideal->x(), ideal->y());
+    const auto ray = lenses[o.camera].unproject(o.pixel);
+    if (!ray) continue;
     if (!first) {
-      first = place;
+      first = ray;
     } else {
-      from.push_back(*first);
-      to.push_back(place);
+      from_rays.push_back(*first);
+      to_rays.push_back(*ray);
     }
+  }
+  const RayView from_view(lenses[found[0]], from_rays), to_view(lenses[found[1]], to_rays);
+  std::vector<cv::Point2d> from, to;
+  for (std::size_t i = 0; i < from_rays.size(); ++i) {
+    const auto from_point = from_view.point(from_rays[i]), to_point = to_view.point(to_rays[i]);
+    if (!from_point || !to_point) continue;
+    from.emplace_back(from_point->x(), from_point->y());
+    to.emplace_back(to_point->x(), to_point->y());
   }
   constexpr std::size_t kMin = 5;  // four points always fit
   if (from.size() < kMin) return 1;
@@ -190,6 +197,19 @@ void judge_direction(CalibrationVerdict& verdict, const Uncertainty::Direction& 
   }
 }
 
+/// Returns the number of cells of a picture that its lens reaches: a fisheye may leave the corners
+/// dark.
+int visible_cells(const rig::CameraModel& lens) {
+  if (lens.fisheye() == nullptr) return kCells * kCells;
+  int visible = 0;
+  for (int cell = 0; cell < kCells * kCells; ++cell) {
+    const Eigen::Vector2d middle((cell % kCells + 0.5) * lens.width() / kCells,
+                                 (cell / kCells + 0.5) * lens.height() / kCells);
+    visible += lens.unproject(middle) ? 1 : 0;
+  }
+  return std::max(visible, 1);
+}
+
 }  // namespace
 
 std::vector<CameraFit> camera_fits(const ArrayModel& model) {
@@ -214,8 +234,8 @@ std::vector<CameraFit> camera_fits(const ArrayModel& model) {
   for (std::size_t i = 0; i < fits.size(); ++i) {
     fits[i].rms_px = fits[i].inliers > 0 ? std::sqrt(fits[i].rms_px / fits[i].inliers)
                                          : std::numeric_limits<double>::quiet_NaN();
-    fits[i].image_coverage =
-        static_cast<double>(std::ranges::count(image_coverage[i], true)) / image_coverage[i].size();
+    const auto covered = static_cast<double>(std::ranges::count(image_coverage[i], true));
+    fits[i].image_coverage = std::min(covered / visible_cells(lenses[i]), 1.0);
   }
   return fits;
 }

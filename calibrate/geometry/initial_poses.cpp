@@ -17,6 +17,7 @@
 #include "calibrate/geometry/bundle_adjustment.h"
 #include "calibrate/geometry/median.h"
 #include "calibrate/geometry/opencv_pose.h"
+#include "calibrate/geometry/ray_view.h"
 #include "calibrate/geometry/triangulation.h"
 #include "rig/camera_model.h"
 
@@ -32,18 +33,30 @@ constexpr double kSure = 0.9999;
 /// Returns the change of camera axes from ours (look along -z, y up) to OpenCV's (along z, y down).
 cv::Mat opencv_from_ours() { return cv::Mat::diag(cv::Mat(cv::Vec3d(1, -1, -1))); }
 
-/// Ideal image points of a camera's observations (y down), by point.
-using CameraObservations = std::map<int, cv::Point2d>;
+/// The rays of a camera's observations, by point.
+struct CameraObservations {
+  rig::CameraModel lens;
+  std::map<int, Vector3d> rays;           // in the camera, of CameraModel::unproject()
+  std::map<int, Eigen::Vector2d> pixels;  // as many
+};
 
 std::vector<CameraObservations> observations_by_camera(const ArrayModel& model) {
   const CameraModels lenses = camera_models(model);
-  std::vector<CameraObservations> observations(model.cameras.size());
+  std::vector<CameraObservations> observations;
+  for (std::size_t c = 0; c < model.cameras.size(); ++c) {
+    observations.push_back({lenses[c], {}, {}});
+  }
   for (const ArrayModel::Observation& observation : model.observations) {
-    const auto ideal = lenses[observation.camera].ideal_from_pixel(observation.pixel);
-    if (ideal) observations[observation.camera][observation.point] = {ideal->x(), ideal->y()};
+    const auto ray = lenses[observation.camera].unproject(observation.pixel);
+    if (!ray) continue;
+    observations[observation.camera].rays[observation.point] = *ray;
+    observations[observation.camera].pixels[observation.point] = observation.pixel;
   }
   return observations;
 }
+
+/// Returns the image point of an ideal one for OpenCV.
+cv::Point2d opencv_point(const Eigen::Vector2d& ideal) { return {ideal.x(), ideal.y()}; }
 
 /// A second camera relative to a first one.
 struct Pair {
@@ -56,12 +69,20 @@ struct Pair {
 Pair score_pair(const std::vector<CameraObservations>& observations, int first, int second,
                 double noise) {
   const CameraObservations &a = observations[first], &b = observations[second];
+  std::vector<Vector3d> from_rays, to_rays;
+  for (const auto& [point, ray] : a.rays) {
+    const auto other = b.rays.find(point);
+    if (other == b.rays.end()) continue;
+    from_rays.push_back(ray);
+    to_rays.push_back(other->second);
+  }
+  const RayView from_view(a.lens, from_rays), to_view(b.lens, to_rays);
   std::vector<cv::Point2d> from, to;
-  for (const auto& [point, place] : a) {
-    const auto other = b.find(point);
-    if (other == b.end()) continue;
-    from.push_back(place);
-    to.push_back(other->second);
+  for (std::size_t i = 0; i < from_rays.size(); ++i) {
+    const auto from_point = from_view.point(from_rays[i]), to_point = to_view.point(to_rays[i]);
+    if (!from_point || !to_point) continue;
+    from.push_back(opencv_point(*from_point));
+    to.push_back(opencv_point(*to_point));
   }
   if (from.size() < kMinCommon) return {};
   cv::setRNGSeed(1);
@@ -84,12 +105,18 @@ Pair score_pair(const std::vector<CameraObservations>& observations, int first, 
 
   constexpr double kWideEnough = 0.3;  // radians; a larger angle brings no more accuracy
   pair.score = agree * std::min(median(std::move(angles)), kWideEnough);
+  // From the views to the cameras; the first camera is at the origin.
+  pair.second_pose.world_from_camera_rotation = from_view.camera_from_view() *
+                                                pair.second_pose.world_from_camera_rotation *
+                                                to_view.camera_from_view().transpose();
+  pair.second_pose.position = from_view.camera_from_view() * pair.second_pose.position;
   return pair;
 }
 
 Pair best_pair(const std::vector<CameraObservations>& observations, double noise) {
   // Pairs of the camera with the most observations and every other.
-  const auto most = std::ranges::max_element(observations, {}, &CameraObservations::size);
+  const auto most = std::ranges::max_element(
+      observations, {}, [](const CameraObservations& camera) { return camera.rays.size(); });
   const int first = static_cast<int>(most - observations.begin());
   Pair best;
   for (int second = 0; second < static_cast<int>(observations.size()); ++second) {
@@ -105,14 +132,51 @@ struct Registration {
   rig::Pose pose;
   double focal_ratio = 1;  // relative to the initial focal length
   std::size_t agree = 0;   // inliers
+  std::size_t used = 0;    // points that were tried
 };
 
-/// Rescales the ideal image points to a focal length `factor` times as long.
-Registration register_with_focal_ratio(const std::vector<cv::Point3d>& points,
-                                       const std::vector<cv::Point2d>& seen, double noise,
-                                       double factor) {
-  std::vector<cv::Point2d> scaled = seen;
-  for (cv::Point2d& place : scaled) place *= 1 / factor;
+/// Known points of the world and the observations of a camera.
+struct KnownPoints {
+  std::vector<Vector3d> points, rays;
+  std::vector<Eigen::Vector2d> pixels;
+};
+
+/// Returns the lens with a focal length `factor` times as long.
+rig::CameraModel zoomed(const rig::CameraModel& lens, double factor) {
+  schemas::CameraGeometry geometry{"", lens.width(), lens.height(), lens.intrinsics(), {}, {}, {}};
+  geometry.intrinsics.fx *= factor;
+  geometry.intrinsics.fy *= factor;
+  return rig::CameraModel(geometry);
+}
+
+/// Registers a camera whose focal length is `factor` times that of `lens`: the ideal image points
+/// of a pinhole are rescaled, the rays of a fisheye computed again.
+Registration register_with_focal_ratio(const rig::CameraModel& lens, const KnownPoints& known,
+                                       double noise, double factor) {
+  std::vector<Vector3d> rays = known.rays, places = known.points;
+  const bool is_fisheye = lens.fisheye() != nullptr;
+  if (is_fisheye && factor != 1) {
+    rays.clear();
+    places.clear();
+    const rig::CameraModel other = zoomed(lens, factor);
+    for (std::size_t i = 0; i < known.pixels.size(); ++i) {
+      const auto ray = other.unproject(known.pixels[i]);
+      if (!ray) continue;
+      rays.push_back(*ray);
+      places.push_back(known.points[i]);
+    }
+  }
+  const RayView view(lens, rays);
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> scaled;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const auto place = view.point(rays[i]);
+    if (!place) continue;
+    points.emplace_back(places[i].x(), places[i].y(), places[i].z());
+    scaled.push_back(opencv_point(*place));
+    if (!is_fisheye) scaled.back() *= 1 / factor;
+  }
+  if (points.size() < kMinKnown) return {};
   cv::setRNGSeed(1);
   const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
   cv::Mat turn, translation;
@@ -122,35 +186,38 @@ Registration register_with_focal_ratio(const std::vector<cv::Point3d>& points,
     if (!cv::solvePnPRansac(points, scaled, unit, {}, turn, translation, false, kTries,
                             static_cast<float>(noise / factor), kSure, inliers,
                             cv::SOLVEPNP_SQPNP)) {
-      return {};
+      return {{}, 1, 0, points.size()};
     }
   } catch (const cv::Exception&) {  // points that almost coincide
-    return {};
+    return {{}, 1, 0, points.size()};
   }
-  return {pose_from_opencv(turn, translation), factor, inliers.size()};
+  rig::Pose pose = pose_from_opencv(turn, translation);
+  pose.world_from_camera_rotation =
+      pose.world_from_camera_rotation * view.camera_from_view().transpose();
+  return {pose, factor, inliers.size(), points.size()};
 }
 
 /// Returns a camera's pose from the known points; none with too few inliers.
 std::optional<Registration> register_camera(const ArrayModel& model,
                                             const CameraObservations& observed, double noise,
                                             bool lens_differs) {
-  std::vector<cv::Point3d> points;
-  std::vector<cv::Point2d> seen;
-  for (const auto& [point, place] : observed) {
+  KnownPoints known;
+  for (const auto& [point, ray] : observed.rays) {
     const auto& found = model.points[point];
     if (!found) continue;
-    points.emplace_back(found->x(), found->y(), found->z());
-    seen.push_back(place);
+    known.points.push_back(*found);
+    known.rays.push_back(ray);
+    known.pixels.push_back(observed.pixels.at(point));
   }
-  if (points.size() < kMinKnown) return std::nullopt;
-  Registration best = register_with_focal_ratio(points, seen, noise, 1);
-  const std::size_t most = points.size() * 4 / 5;
+  if (known.points.size() < kMinKnown) return std::nullopt;
+  Registration best = register_with_focal_ratio(observed.lens, known, noise, 1);
+  const std::size_t most = best.used * 4 / 5;
   for (const double factor : {0.8, 1.25, 0.64, 1.56, 0.5, 2.0}) {
     if (!lens_differs || best.agree >= most) break;
-    const Registration other = register_with_focal_ratio(points, seen, noise, factor);
+    const Registration other = register_with_focal_ratio(observed.lens, known, noise, factor);
     if (other.agree > best.agree) best = other;
   }
-  if (best.agree < std::max<std::size_t>(kMinKnown, points.size() / 3)) return std::nullopt;
+  if (best.agree < std::max<std::size_t>(kMinKnown, best.used / 3)) return std::nullopt;
   return best;
 }
 
@@ -193,7 +260,7 @@ void register_cameras(ArrayModel& model, const InitialPosesOptions& options) {
   const double noise = options.max_error_px / 2 * ideal_per_pixel(model);
   const auto known_of = [&](const CameraObservations& observed) {
     return std::ranges::count_if(
-        observed, [&](const auto& seen) { return model.points[seen.first].has_value(); });
+        observed.rays, [&](const auto& seen) { return model.points[seen.first].has_value(); });
   };
   auto placed_cameras = static_cast<std::size_t>(std::ranges::count_if(
       model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); }));

@@ -2,83 +2,33 @@
 // Calibrates lenses by Zhang's method ("A flexible new technique for camera calibration", 2000)
 // with bundle adjustment. Each view is a board with its own pose in front of a camera at the
 // origin. The initial focal length comes from the homographies; parameters are released step by
-// step and outliers removed. A shared prior combines lenses of one model. Inputs: corners in pixels
-// and metres; outputs: intrinsics in pixels with standard deviations. Cost: views times corners per
-// iteration.
+// step and outliers removed. A fisheye's initial focal length comes from trials. A shared prior
+// combines lenses of one model. Inputs: corners in pixels and metres; outputs: intrinsics in pixels
+// with standard deviations. Cost: views times corners per iteration.
 #include "calibrate/geometry/lens_calibration.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
 #include "base/error.h"
 #include "base/options.h"
-#include "calibrate/geometry/alignment.h"
+#include "calibrate/geometry/board_view_model.h"
+#include "calibrate/geometry/bundle_adjustment.h"
 #include "calibrate/geometry/calibration_verdict.h"
-#include "calibrate/geometry/opencv_pose.h"
 #include "calibrate/geometry/uncertainty.h"
 
 namespace raystage::calibrate {
 namespace {
 
-constexpr std::size_t kMinViews = 3, kMinLensCorners = 6;
-
-/// Model with cameras at the origin and a board pose per view.
-struct Views {
-  std::vector<const BoardView*> views;
-  std::vector<std::size_t> camera;  // camera of each view
-
-  /// Returns the views with enough corners.
-  explicit Views(std::span<const CameraBoardViews> cameras) {
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-      const std::size_t before = views.size();
-      for (const BoardView& view : cameras[c].views) {
-        if (view.pixels.size() < kMinLensCorners) continue;
-        views.push_back(&view);
-        camera.push_back(c);
-      }
-      if (views.size() - before >= kMinViews) continue;
-      throw Error::bad_input(
-          fmt::format("camera \"{}\" has {} usable frames of the board; a lens needs at least {}",
-                      cameras[c].id, views.size() - before, kMinViews),
-          "",
-          "Check the size of the board and of its squares; record it closer and in more "
-          "orientations")
-          .concerning({"board", "square_mm"});
-    }
-  }
-};
-
-ArrayModel make_initial_model(const Views& views, std::span<const CameraBoardViews> cameras,
-                              std::span<const schemas::Intrinsics> lenses) {
-  ArrayModel model;
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    model.cameras.push_back(
-        {cameras[c].id, cameras[c].width, cameras[c].height, lenses[c], rig::Pose{}});
-  }
-  for (std::size_t v = 0; v < views.views.size(); ++v) {
-    const BoardView& view = *views.views[v];
-    ArrayModel::RigidBody board;
-    for (std::size_t i = 0; i < view.pixels.size(); ++i) {
-      const auto point = static_cast<int>(model.points.size());
-      board.points.push_back(point);
-      board.points_in_body.emplace_back(view.object_points[i].x(), -view.object_points[i].y(), 0);
-      model.points.emplace_back();
-      model.point_ids.push_back(point);
-      model.observations.push_back({static_cast<int>(views.camera[v]), point, view.pixels[i]});
-    }
-    model.bodies.push_back(std::move(board));
-  }
-  return model;
-}
-
-/// Returns the initial lens: the focal length from the boards' homographies, the principal point in
-/// the image centre.
-schemas::Intrinsics guessed_lens(const Views& views, int width, int height) {
+/// Returns the initial lens of a pinhole: the focal length from the boards' homographies, the
+/// principal point in the image centre.
+schemas::Intrinsics guessed_pinhole(const BoardViewList& views, int width, int height) {
   std::vector<std::vector<cv::Point3f>> boards;
   std::vector<std::vector<cv::Point2f>> pictures;
   for (const BoardView* const view : views.views) {
@@ -96,14 +46,6 @@ schemas::Intrinsics guessed_lens(const Views& views, int width, int height) {
   const double likely = width;  // a field of view of 53 degrees
   if (!(focal > likely / 20) || !(focal < likely * 20)) focal = likely;
   return {focal, focal, width / 2.0, height / 2.0, {}};
-}
-
-void place_boards(ArrayModel& model, const Views& views) {
-  const CameraModels lenses = camera_models(model);
-  for (std::size_t v = 0; v < views.views.size(); ++v) {
-    model.bodies[v].pose = estimate_board_pose(*views.views[v], lenses[views.camera[v]]);
-  }
-  update_body_points(model);
 }
 
 void mark_outliers(ArrayModel& model, double max_error_px) {
@@ -146,8 +88,48 @@ void judge(LensCalibration& found) {
   }
 }
 
+/// Returns the initial lens of a fisheye: of several fields of view, refined a little, the one with
+/// which the boards fit best.
+schemas::Intrinsics guessed_fisheye(const BoardViewList& views, const CameraBoardViews& camera,
+                                    const LensCalibrationOptions& options) {
+  constexpr double kFar = 50;  // pixels: larger errors count alike
+  BundleAdjustmentOptions bundle;
+  bundle.fixed_cameras = {true};
+  bundle.stop = options.stop;
+  bundle.lens = LensRefinement::kFocalLength;
+  bundle.loss_scale_px = 10;
+  bundle.max_iterations = 15;
+  schemas::Intrinsics best;
+  double least = std::numeric_limits<double>::infinity();
+  for (const double fov : trial_fovs({&options.model, 1})) {
+    const schemas::Intrinsics lens = initial_lens(options.model, camera.width, camera.height, fov);
+    ArrayModel model = make_board_view_model(views, {&camera, 1}, {&lens, 1});
+    place_boards(model, views);
+    run_bundle_adjustment(model, bundle);
+    place_boards(model, views);
+    const CameraModels lenses = camera_models(model);
+    double sum = 0;
+    for (const ArrayModel::Observation& o : model.observations) {
+      const auto residual = reprojection_residual(model, lenses, o);
+      sum += residual ? std::min(residual->norm(), kFar) : kFar;
+    }
+    if (sum >= least) continue;
+    least = sum;
+    best = model.cameras.front().intrinsics;
+  }
+  return best;
+}
+
+schemas::Intrinsics guessed_lens(const BoardViewList& views, const CameraBoardViews& camera,
+                                 const LensCalibrationOptions& options) {
+  if (options.model.projection == schemas::Projection::kPinhole) {
+    return guessed_pinhole(views, camera.width, camera.height);
+  }
+  return guessed_fisheye(views, camera, options);
+}
+
 /// Refines lenses and boards step by step, and removes outliers.
-void refine(ArrayModel& model, const Views& views, const LensCalibrationOptions& options,
+void refine(ArrayModel& model, const BoardViewList& views, const LensCalibrationOptions& options,
             BundleAdjustmentOptions& bundle) {
   bundle.fixed_cameras.assign(model.cameras.size(), true);
   bundle.stop = options.stop;
@@ -166,7 +148,7 @@ void refine(ArrayModel& model, const Views& views, const LensCalibrationOptions&
 }
 
 /// Returns the results of each camera without the verdict.
-std::vector<LensCalibration> described(const ArrayModel& model, const Views& views,
+std::vector<LensCalibration> described(const ArrayModel& model, const BoardViewList& views,
                                        const BundleAdjustmentOptions& bundle) {
   std::vector<LensCalibration> all(model.cameras.size());
   const std::vector<CameraFit> fits = camera_fits(model);
@@ -196,15 +178,16 @@ std::vector<LensCalibration> described(const ArrayModel& model, const Views& vie
 /// Combines the estimates of lenses of one model: the mean over all cameras, with the deviation
 /// among lenses of a model.
 void share_deviations(std::vector<LensCalibration>& cameras) {
+  const auto& parameters = lens_parameterization(cameras.front().lens.projection).parameters();
   for (std::size_t k = 0; k < kLensParameterCount; ++k) {
-    if (k == 2 || k == 3) continue;  // principal points
+    if (parameters[k].deviation_in_type == 0) continue;  // principal points
     double information = 0;
     for (const LensCalibration& one : cameras) {
       if (one.deviations[k] > 0) information += std::pow(one.deviations[k], -2);
     }
     for (LensCalibration& one : cameras) {
       if (one.deviations[k] == 0) continue;
-      const double differs = kLensPriorDeviations[k] * (k < 2 ? one.lens.fx : 1);
+      const double differs = parameters[k].deviation_in_type * (k < 2 ? one.lens.fx : 1);
       one.deviations[k] =
           std::min(one.deviations[k], std::hypot(1 / std::sqrt(information), differs));
     }
@@ -214,12 +197,14 @@ void share_deviations(std::vector<LensCalibration>& cameras) {
 /// Rejects cameras whose own focal length contradicts that of the others.
 void reject_other_focal_lengths(const std::vector<LensCalibration>& alone,
                                 std::vector<LensCalibration>& found) {
+  const double in_type =
+      lens_parameterization(alone.front().lens.projection).parameters().front().deviation_in_type;
   for (std::size_t c = 0; c < alone.size(); ++c) {
     const LensCalibration& own = alone[c];
     double others = 0, information = 0;
     for (std::size_t i = 0; i < alone.size(); ++i) {
       if (i == c || !(alone[i].deviations[0] > 0)) continue;
-      const double differs = kLensPriorDeviations[0] * alone[i].lens.fx;
+      const double differs = in_type * alone[i].lens.fx;
       const double weight = 1 / (std::pow(alone[i].deviations[0], 2) + differs * differs);
       others += weight * alone[i].lens.fx;
       information += weight;
@@ -227,8 +212,8 @@ void reject_other_focal_lengths(const std::vector<LensCalibration>& alone,
     if (!(information > 0) || !(own.deviations[0] > 0)) continue;
     others /= information;
     constexpr double kSigmas = 3;
-    const double deviation = std::hypot(own.deviations[0], kLensPriorDeviations[0] * own.lens.fx,
-                                        1 / std::sqrt(information));
+    const double deviation =
+        std::hypot(own.deviations[0], in_type * own.lens.fx, 1 / std::sqrt(information));
     if (std::abs(own.lens.fx - others) <= kSigmas * deviation) continue;
     found[c].reasons.push_back(
         fmt::format("Its own focal length is {:.1f} +- {:.1f} px, that of the others {:.1f} px: "
@@ -240,23 +225,6 @@ void reject_other_focal_lengths(const std::vector<LensCalibration>& alone,
 
 }  // namespace
 
-std::optional<rig::Pose> estimate_board_pose(const BoardView& view, const rig::CameraModel& lens) {
-  std::vector<cv::Point3d> board;
-  std::vector<cv::Point2d> seen;
-  for (std::size_t i = 0; i < view.pixels.size(); ++i) {
-    const auto ideal = lens.ideal_from_pixel(view.pixels[i]);
-    if (!ideal) continue;
-    board.emplace_back(view.object_points[i].x(), -view.object_points[i].y(), 0);
-    seen.emplace_back(ideal->x(), ideal->y());
-  }
-  cv::Mat turn, translation;
-  if (seen.size() < 4 || !cv::solvePnP(board, seen, cv::Mat::eye(3, 3, CV_64F), {}, turn,
-                                       translation, false, cv::SOLVEPNP_IPPE)) {
-    return std::nullopt;
-  }
-  return inverse(pose_from_opencv(turn, translation));
-}
-
 bool LensCalibrationOptions::is_valid(std::string* reason) const {
   return is_within("reprojection error (pixels)", max_error_px, 1e-6, 1e6, reason);
 }
@@ -265,9 +233,9 @@ LensCalibration calibrate_lens(const CameraBoardViews& camera,
                                const LensCalibrationOptions& options) {
   require_valid(options, "calibration of a lens");
   const std::span<const CameraBoardViews> cameras(&camera, 1);
-  const Views views(cameras);
-  const schemas::Intrinsics guess = guessed_lens(views, camera.width, camera.height);
-  ArrayModel model = make_initial_model(views, cameras, {&guess, 1});
+  const BoardViewList views(cameras);
+  const schemas::Intrinsics guess = guessed_lens(views, camera, options);
+  ArrayModel model = make_board_view_model(views, cameras, {&guess, 1});
   BundleAdjustmentOptions bundle;
   refine(model, views, options, bundle);
   LensCalibration found = described(model, views, bundle).front();
@@ -278,7 +246,7 @@ LensCalibration calibrate_lens(const CameraBoardViews& camera,
 std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
     std::span<const CameraBoardViews> cameras, const LensCalibrationOptions& options) {
   require_valid(options, "calibration of lenses");
-  const Views views(cameras);
+  const BoardViewList views(cameras);
   std::vector<LensCalibration> alone;
   std::vector<schemas::Intrinsics> lenses;
   double focal_length = 0, weights = 0, noise_px = 0;
@@ -299,7 +267,7 @@ std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
   for (schemas::Intrinsics& lens : lenses) {
     if (weights > 0) lens.fx = lens.fy = focal_length / weights;
   }
-  ArrayModel model = make_initial_model(views, cameras, lenses);
+  ArrayModel model = make_board_view_model(views, cameras, lenses);
   BundleAdjustmentOptions bundle;
   bundle.shared_lens = false;
   constexpr double kMinNoise = 0.02;

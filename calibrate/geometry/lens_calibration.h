@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "calibrate/geometry/lens_projection.h"
+#include "calibrate/geometry/lens_parameters.h"
+#include "calibrate/geometry/lens_start.h"
 #include "rig/camera_model.h"
 #include "rig/pose.h"
 
@@ -22,11 +23,12 @@ struct BoardView {
 };
 
 /// Returns the pose of the board in the camera (camera_from_board: x right and y up on the board);
-/// none with fewer than four corners.
+/// none with fewer than four corners. A fisheye may see the board beside or behind it.
 std::optional<rig::Pose> estimate_board_pose(const BoardView& view, const rig::CameraModel& lens);
 
 struct LensCalibrationOptions {
-  bool full_lens_model = false;  ///< also k3 and tangential distortion
+  LensModel model = {};          ///< kind of the lens
+  bool full_lens_model = false;  ///< also the terms after k1 and k2, and fy
   double max_error_px = 3;       ///< corners with a larger reprojection error are outliers
   std::stop_token stop = {};     ///< stops it
   bool is_valid(std::string* reason) const;
@@ -53,9 +55,10 @@ struct CameraBoardViews {
 };
 
 /// Calibrates a lens by Zhang's method (2000). The initial focal length comes from the vanishing
-/// points of the boards; then all poses and the lens are refined jointly by least squares over the
-/// corners. Accepted if the focal length is known to 1 % (two standard deviations) and nine of ten
-/// corners fit. Throws Error (bad input) with fewer than three views of six corners.
+/// points of the boards, of a fisheye from trials of several; then all poses and the lens are
+/// refined jointly by least squares over the corners. Accepted if the focal length is known to 1 %
+/// (two standard deviations) and nine of ten corners fit. Throws Error (bad input) with fewer than
+/// three views of six corners.
 LensCalibration calibrate_lens(const CameraBoardViews& camera,
                                const LensCalibrationOptions& options);
 

@@ -8,6 +8,8 @@
 
 #include <Eigen/Dense>
 
+#include "calibrate/geometry/lens_projection.h"
+
 namespace raystage::calibrate {
 
 using Eigen::Index;
@@ -30,7 +32,8 @@ LensJacobian lens_jacobian(const Vector3d& in_camera, const schemas::Intrinsics&
   const LensParameters plain = lens_parameters(lens);
   for (std::size_t i = 0; i < values.size(); ++i)
     values[i] = Jet(plain[i], 3 + static_cast<int>(i));
-  const Eigen::Matrix<Jet, 2, 1> pixel = project_to_pixel<Jet>(point, values.data(), square_pixels);
+  const Eigen::Matrix<Jet, 2, 1> pixel =
+      project_to_pixel<Jet>(point, values.data(), fisheye_projection(lens), square_pixels);
   LensJacobian jacobian;
   jacobian.row(0) = pixel.x().v.transpose();
   jacobian.row(1) = pixel.y().v.transpose();
@@ -57,7 +60,7 @@ ObservationRows observation_rows(const ArrayModel& model, const ArrayModel::Obse
   rows.by_point = by_place * camera_from_world;
   const Index of_pose = layout.pose[i] == kFixed ? 0 : kPoseParameterCount;
   const Index of_lens =
-      layout.lens[i] == kFixed ? 0 : static_cast<Index>(layout.free_lens_parameters.size());
+      layout.lens[i] == kFixed ? 0 : static_cast<Index>(layout.free_lens_parameters[i].size());
   rows.by_unknowns.resize(2, of_pose + of_lens);
   if (of_pose != 0) {
     rows.by_unknowns.leftCols<3>() = -by_place * cross_matrix(in_camera);
@@ -65,7 +68,7 @@ ObservationRows observation_rows(const ArrayModel& model, const ArrayModel::Obse
     for (Index k = 0; k < of_pose; ++k) rows.unknowns.push_back(layout.pose[i] + k);
   }
   for (Index k = 0; k < of_lens; ++k) {
-    rows.by_unknowns.col(of_pose + k) = jacobian.col(3 + layout.free_lens_parameters[k]);
+    rows.by_unknowns.col(of_pose + k) = jacobian.col(3 + layout.free_lens_parameters[i][k]);
     rows.unknowns.push_back(layout.lens[i] + k);
   }
   return rows;

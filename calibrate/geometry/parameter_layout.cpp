@@ -10,10 +10,33 @@
 #include <cmath>
 #include <numbers>
 
+#include "calibrate/geometry/lens_projection.h"
+
 namespace raystage::calibrate {
 
 using Eigen::Index;
 using Eigen::VectorXd;
+
+namespace {
+
+/// Returns the power of the distance that a distortion term multiplies; 0 for other parameters.
+int radial_power(const ParameterLayout& layout, std::size_t camera, int parameter) {
+  return lens_parameterization(layout.projections[camera])
+      .parameters()[static_cast<std::size_t>(parameter)]
+      .radial_power;
+}
+
+/// Returns the distance of the picture's corner in focal lengths, as far as the lens reaches.
+double farthest_distance(const ArrayModel::Camera& camera) {
+  const schemas::Intrinsics& lens = camera.intrinsics;
+  const double corner = std::hypot(camera.width / 2.0, camera.height / 2.0) / lens.fx;
+  const rig::RadialProjection* fisheye = fisheye_projection(lens);
+  if (fisheye == nullptr) return corner;
+  const double end = fisheye->largest_angle();
+  return std::min(corner, fisheye->distance(std::min(end, lens.half_angle.value_or(end))));
+}
+
+}  // namespace
 
 ParameterLayout make_parameter_layout(const ArrayModel& model,
                                       const BundleAdjustmentOptions& free) {
@@ -22,12 +45,15 @@ ParameterLayout make_parameter_layout(const ArrayModel& model,
   for (const ArrayModel::Observation& o : model.observations) {
     if (model.counts(o)) counts[o.camera] = true;
   }
-  if (free.lens != LensRefinement::kNone) {
-    const std::vector<int> held = fixed_lens_parameters(free.lens);
+  for (const ArrayModel::Camera& camera : model.cameras) {
+    layout.projections.push_back(camera.intrinsics.projection);
+    layout.free_lens_parameters.emplace_back();
+    const std::vector<int> held = fixed_lens_parameters(free.lens, camera.intrinsics.projection);
     for (int i = 0; i < kLensParameterCount; ++i) {
-      if (std::ranges::find(held, i) == held.end()) layout.free_lens_parameters.push_back(i);
+      if (std::ranges::find(held, i) == held.end()) layout.free_lens_parameters.back().push_back(i);
     }
   }
+  const bool is_shared = shares_one_lens(model, free);
   layout.square_pixels =
       free.lens != LensRefinement::kNone && free.lens != LensRefinement::kFullModel;
   Index shared = kFixed;
@@ -36,12 +62,12 @@ ParameterLayout make_parameter_layout(const ArrayModel& model,
     layout.pose.push_back(counts[i] && !rests ? layout.size : kFixed);
     if (layout.pose.back() != kFixed) layout.size += kPoseParameterCount;
     Index lens = kFixed;
-    if (counts[i] && !layout.free_lens_parameters.empty()) {
+    if (counts[i] && !layout.free_lens_parameters[i].empty()) {
       lens = shared;
       if (lens == kFixed) {
         lens = layout.size;
-        layout.size += static_cast<Index>(layout.free_lens_parameters.size());
-        if (free.shared_lens) shared = lens;
+        layout.size += static_cast<Index>(layout.free_lens_parameters[i].size());
+        if (is_shared) shared = lens;
       }
     }
     layout.lens.push_back(lens);
@@ -61,19 +87,18 @@ VectorXd parameter_tolerances(const ArrayModel& model, const ParameterLayout& la
     }
     if (layout.lens[i] == kFixed) continue;
     const double f = camera.intrinsics.fx;
-    const double r = std::hypot(camera.width / 2.0, camera.height / 2.0) / f;
+    const double r = farthest_distance(camera);
     const double corner = t.corner_px / f;
-    const LensParameters of_values{t.focal_length * f,
-                                   t.focal_length * f,
-                                   t.principal_point * camera.width,
-                                   t.principal_point * camera.width,
-                                   corner / (r * r * r),
-                                   corner / std::pow(r, 5),
-                                   corner / (3 * r * r),
-                                   corner / (3 * r * r),
-                                   corner / std::pow(r, 7)};
-    for (std::size_t k = 0; k < layout.free_lens_parameters.size(); ++k) {
-      result[layout.lens[i] + static_cast<Index>(k)] = of_values[layout.free_lens_parameters[k]];
+    const auto tolerance_of = [&](int which) {
+      if (which < 2) return t.focal_length * f;
+      if (which < 4) return t.principal_point * camera.width;
+      const int power = radial_power(layout, i, which);
+      if (power == 3) return corner / (r * r * r);
+      return power > 0 ? corner / std::pow(r, power) : corner / (3 * r * r);
+    };
+    for (std::size_t k = 0; k < layout.free_lens_parameters[i].size(); ++k) {
+      result[layout.lens[i] + static_cast<Index>(k)] =
+          tolerance_of(layout.free_lens_parameters[i][k]);
     }
   }
   return result;
@@ -88,10 +113,9 @@ double max_effect(const VectorXd& direction, const ParameterLayout& layout) {
     }
     if (layout.lens[i] == kFixed) continue;
     std::array<double, 4> radial{};  // at four fractions of the corner's distance
-    for (std::size_t k = 0; k < layout.free_lens_parameters.size(); ++k) {
+    for (std::size_t k = 0; k < layout.free_lens_parameters[i].size(); ++k) {
       const double value = direction[layout.lens[i] + static_cast<Index>(k)];
-      const int which = layout.free_lens_parameters[k];
-      const int power = which == 4 ? 3 : which == 5 ? 5 : which == 8 ? 7 : 0;
+      const int power = radial_power(layout, i, layout.free_lens_parameters[i][k]);
       if (power == 0) most = std::max(most, std::abs(value));
       for (std::size_t r = 0; r < radial.size() && power > 0; ++r) {
         radial[r] += value * std::pow(static_cast<double>(r + 1) / radial.size(), power);
@@ -120,10 +144,10 @@ Uncertainty::Direction summarise_direction(const VectorXd& direction, double dev
     }
     if (layout.lens[i] == kFixed || is_set[layout.lens[i]]) continue;
     is_set[layout.lens[i]] = true;
-    for (std::size_t k = 0; k < layout.free_lens_parameters.size(); ++k) {
+    for (std::size_t k = 0; k < layout.free_lens_parameters[i].size(); ++k) {
       const double component = direction[layout.lens[i] + static_cast<Index>(k)];
       const double share = component * component / all;
-      const int value = layout.free_lens_parameters[k];
+      const int value = layout.free_lens_parameters[i][k];
       (value < 2 ? d.focal_length : value < 4 ? d.principal_point : d.distortion) += share;
     }
   }

@@ -14,8 +14,10 @@ inline constexpr Eigen::Index kFixed = -1;
 
 /// Index of each camera's first parameters in the vector.
 struct ParameterLayout {
-  std::vector<Eigen::Index> pose, lens;   // kFixed: held
-  std::vector<int> free_lens_parameters;  // which of LensParameters
+  std::vector<Eigen::Index> pose, lens;  // kFixed: held
+  /// which of LensParameters, by camera; also of cameras whose lens is held
+  std::vector<std::vector<int>> free_lens_parameters;
+  std::vector<schemas::Projection> projections;  // by camera
   bool square_pixels = false;
   Eigen::Index size = 0;
 };

@@ -66,7 +66,7 @@ ArrayModel begun_with(const Detections& detections, const std::vector<double>& f
                       const SolveOptions& options) {
   std::vector<ArrayModel> begun(2 * fovs.size());
   parallel_for(std::size_t{0}, begun.size(), [&](std::size_t i) {
-    ArrayModel model = make_initial_model(detections, fovs[i / 2]);
+    ArrayModel model = make_initial_model(detections, fovs[i / 2], options.lens_models);
     for (std::size_t k = 0; k < options.lenses.size(); ++k) {
       model.cameras[k].intrinsics = options.lenses[k];
     }
@@ -106,13 +106,11 @@ double likely_fov(const Detections& detections, const SolveOptions& options) {
   if (!options.lenses.empty()) return 60 * kDegree;  // unused
   constexpr std::size_t kMaxPoints = 150, kMaxCameras = 9;
   const Detections thin = thinned(detections, kMaxPoints, kMaxCameras);
-  std::vector<double> tried;
-  for (const double degrees : {15, 25, 40, 55, 70, 90, 110}) tried.push_back(degrees * kDegree);
-  const ArrayModel best = begun_with(thin, tried, options);
+  const ArrayModel best = begun_with(thin, trial_fovs(options.lens_models), options);
   const auto found = std::ranges::find_if(
       best.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); });
   if (found == best.cameras.end()) return 60 * kDegree;
-  return 2 * std::atan(found->width / 2.0 / found->intrinsics.fx);
+  return horizontal_fov(found->intrinsics, found->width);
 }
 
 }  // namespace

@@ -23,6 +23,8 @@ struct SolveStep {
 struct SolveOptions {
   /// Horizontal field of view of all cameras, radians; none: several are tried.
   std::optional<double> horizontal_fov = {};
+  /// Kind of each camera's lens; empty: those of `lenses`, or pinholes.
+  std::vector<LensModel> lens_models = {};
   /// Initial lens of each camera, in place of the field of view.
   std::vector<schemas::Intrinsics> lenses = {};
   /// Initial pose of each camera, or none. With two or more, the world frame is theirs.

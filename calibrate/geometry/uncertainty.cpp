@@ -200,10 +200,9 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
       camera.rotation_deg = deviations.segment<3>(layout.pose[i]) * 180 / std::numbers::pi;
       camera.position = deviations.segment<3>(layout.pose[i] + 3);
     }
-    for (std::size_t k = 0; layout.lens[i] != kFixed && k < layout.free_lens_parameters.size();
-         ++k) {
-      camera.lens[layout.free_lens_parameters[k]] =
-          deviations[layout.lens[i] + static_cast<Index>(k)];
+    const std::vector<int>& free_in_lens = layout.free_lens_parameters[i];
+    for (std::size_t k = 0; layout.lens[i] != kFixed && k < free_in_lens.size(); ++k) {
+      camera.lens[free_in_lens[k]] = deviations[layout.lens[i] + static_cast<Index>(k)];
     }
     if (layout.lens[i] != kFixed && layout.square_pixels) camera.lens[1] = camera.lens[0];
     result.cameras.emplace_back(camera);

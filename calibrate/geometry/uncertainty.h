@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "calibrate/geometry/bundle_adjustment.h"
-#include "calibrate/geometry/lens_projection.h"
+#include "calibrate/geometry/lens_parameters.h"
 
 namespace raystage::calibrate {
 

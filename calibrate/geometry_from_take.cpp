@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numbers>
 #include <numeric>
 
 #include "base/error.h"
@@ -65,6 +66,15 @@ Detections match_scene_features(const store::Take& take, std::optional<Nanosecon
                         progress, stop);
 }
 
+std::vector<LensModel> recorded_lens_models(const store::Take& take) {
+  std::vector<LensModel> models;
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
+    const schemas::Intrinsics& lens = camera.model.intrinsics();
+    models.push_back({lens.projection, lens.half_angle});
+  }
+  return models;
+}
+
 std::vector<schemas::Intrinsics> initial_lenses(
     const schemas::RigDocument& rig, const std::filesystem::path& rig_file,
     const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
@@ -89,6 +99,13 @@ std::vector<schemas::Intrinsics> initial_lenses(
   return lenses;
 }
 
+std::vector<schemas::Intrinsics> known_lenses(
+    const CalibrationOptions& options,
+    const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
+  if (!options.start) return options.solve.lenses;
+  return initial_lenses(*options.start, "the initial rig", cameras);
+}
+
 void check_calibration_options(const CalibrationOptions& options,
                                const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
   if (options.solve.lens_is_known && options.solve.lenses.empty() && !options.start) {
@@ -96,6 +113,18 @@ void check_calibration_options(const CalibrationOptions& options,
                            "the calibration settings",
                            "Give a lens (`raystage calibrate lens`), or a rig to start from")
         .concerning({"lens", "initial_rig"});
+  }
+  constexpr double kWidestPinhole = 160 * std::numbers::pi / 180;
+  const std::vector<LensModel>& models = options.solve.lens_models;
+  const auto is_pinhole = [](const LensModel& model) {
+    return model.projection == schemas::Projection::kPinhole;
+  };
+  if (options.solve.horizontal_fov.value_or(0) > kWidestPinhole &&
+      (models.empty() || std::ranges::any_of(models, is_pinhole))) {
+    throw Error::bad_input("the field of view is above 160 degrees, but a lens is a pinhole",
+                           "the calibration settings",
+                           "Give a smaller field of view, or the model of a fisheye")
+        .concerning({"fov_deg", "lens_model"});
   }
   std::vector<std::string> named = options.fixed_cameras;
   if (options.scale.distance) {

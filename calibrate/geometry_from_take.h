@@ -41,6 +41,9 @@ Detections match_scene_features(const store::Take& take, std::optional<Nanosecon
                                 const std::function<void(double)>& progress,
                                 const std::stop_token& stop);
 
+/// Returns the lens model of each camera in the rig of a take.
+std::vector<LensModel> recorded_lens_models(const store::Take& take);
+
 /// Returns initial intrinsics for each camera: those of `rig` by id, or of its only camera for all.
 /// `rig_file` names it in errors. Throws Error (bad input) for a camera without a lens and for
 /// another frame size.
@@ -48,7 +51,14 @@ std::vector<schemas::Intrinsics> initial_lenses(
     const schemas::RigDocument& rig, const std::filesystem::path& rig_file,
     const std::vector<schemas::DetectionsDocument::Camera>& cameras);
 
-/// Throws Error (bad input) if lenses are fixed and unknown, or if a fixed camera or a camera of
+/// Returns the lens of each camera that the settings give (initial lenses, or the initial rig);
+/// empty: none.
+std::vector<schemas::Intrinsics> known_lenses(
+    const CalibrationOptions& options,
+    const std::vector<schemas::DetectionsDocument::Camera>& cameras);
+
+/// Throws Error (bad input) if lenses are fixed and unknown, if the field of view is too wide for a
+/// pinhole, or if a fixed camera or a camera of
 /// the measured distance is not in `cameras`.
 void check_calibration_options(const CalibrationOptions& options,
                                const std::vector<schemas::DetectionsDocument::Camera>& cameras);

@@ -44,6 +44,52 @@ std::vector<std::string> prior_group(const std::vector<CameraBoardViews>& select
   return given;
 }
 
+/// Chooses the lens model of each camera.
+class LensModelChoice {
+ public:
+  LensModelChoice(const store::Take& take, const LensesFromTakeOptions& options,
+                  const std::stop_token& stop)
+      : take_(take), options_(options), lens_(options.lens) {
+    lens_.stop = stop;
+  }
+
+  LensCalibrationOptions options_of(int camera) const {
+    const rig::Rig::Camera& recorded = take_.rig().cameras[static_cast<std::size_t>(camera)];
+    const schemas::Intrinsics& lens = recorded.model.intrinsics();
+    return with_model({options_.projection.value_or(lens.projection), lens.half_angle});
+  }
+
+  /// Returns the settings of cameras with a shared prior. Throws Error (bad input) if their models
+  /// differ.
+  LensCalibrationOptions options_of_group(
+      const std::vector<int>& cameras, const std::vector<LensModelComparison>& comparisons) const {
+    LensCalibrationOptions shared = options_of(cameras.front());
+    if (!comparisons.empty()) {
+      return with_model({best_common_projection(comparisons), shared.model.half_angle});
+    }
+    for (const int camera : cameras) {
+      if (options_of(camera).model == shared.model) continue;
+      throw Error::bad_input("the rig of the take states different lens models",
+                             "the cameras that share a lens prior",
+                             "Name cameras with one lens model, or choose the model")
+          .concerning({"shared_lens_prior", "lens_model"});
+    }
+    return shared;
+  }
+
+ private:
+  LensCalibrationOptions with_model(LensModel model) const {
+    if (model.projection == schemas::Projection::kPinhole) model.half_angle.reset();
+    LensCalibrationOptions result = lens_;
+    result.model = model;
+    return result;
+  }
+
+  const store::Take& take_;
+  const LensesFromTakeOptions& options_;
+  LensCalibrationOptions lens_;
+};
+
 }  // namespace
 
 bool LensesFromTakeOptions::is_valid(std::string* reason) const {
@@ -62,8 +108,7 @@ std::vector<CameraLens> calibrate_lenses(const store::Take& take, const BoardDet
     selected.push_back({camera.id, camera.model.width(), camera.model.height(), {}});
   }
   const std::vector<std::string> group = prior_group(selected, options.shared_prior);
-  LensCalibrationOptions lens = options.lens;
-  lens.stop = stop;
+  const LensModelChoice choice(take, options, stop);
   std::vector<CameraLens> lenses;
   std::vector<CameraBoardViews> grouped;
   std::vector<std::size_t> grouped_index;
@@ -75,17 +120,29 @@ std::vector<CameraLens> calibrate_lenses(const store::Take& take, const BoardDet
           progress((static_cast<double>(k) + done) / static_cast<double>(cameras.size()));
         },
         stop);
-    lenses.push_back({camera.id, camera.width, camera.height, {}});
+    CameraLens& lens = lenses.emplace_back(CameraLens{camera.id, camera.width, camera.height, {}});
+    if (options.compares_models) {
+      lens.comparison = compare_lens_models(camera, choice.options_of(cameras[k]));
+    }
     if (std::ranges::find(group, camera.id) == group.end()) continue;
     grouped_index.push_back(k);
     grouped.push_back(camera);
   }
   for (std::size_t k = 0; k < selected.size(); ++k) {
     if (std::ranges::find(grouped_index, k) != grouped_index.end()) continue;
-    lenses[k].calibration = calibrate_lens(selected[k], lens);
+    CameraLens& lens = lenses[k];
+    lens.calibration = lens.comparison ? lens.comparison->best_fit().calibration
+                                       : calibrate_lens(selected[k], choice.options_of(cameras[k]));
   }
   if (!grouped.empty()) {
-    auto found = calibrate_lenses_with_shared_prior(grouped, lens);
+    std::vector<int> group_cameras;
+    std::vector<LensModelComparison> comparisons;
+    for (const std::size_t k : grouped_index) {
+      group_cameras.push_back(cameras[k]);
+      if (lenses[k].comparison) comparisons.push_back(*lenses[k].comparison);
+    }
+    auto found = calibrate_lenses_with_shared_prior(
+        grouped, choice.options_of_group(group_cameras, comparisons));
     for (std::size_t i = 0; i < found.size(); ++i) {
       lenses[grouped_index[i]].calibration = std::move(found[i]);
     }
@@ -109,25 +166,6 @@ schemas::RigDocument make_lens_document(const std::vector<CameraLens>& lenses) {
     camera.geometry.intrinsics = lens.calibration.lens;
   }
   return document;
-}
-
-std::string format_lens(const CameraLens& lens) {
-  const LensCalibration& found = lens.calibration;
-  std::string text =
-      fmt::format("Camera     {}: {:.3f} px RMS over {} corners in {} views, {} outliers\n",
-                  lens.id, found.rms_px, found.corners, found.views, found.outliers);
-  const LensParameters values = lens_parameters(found.lens);
-  const auto& parameters = lens_parameterization(found.lens.projection).parameters();
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    if (found.deviations[k] == 0 && values[k] == 0) continue;
-    text += fmt::format("Lens       {} {:.5g} +- {:.2g}\n", parameters[k].name, values[k],
-                        found.deviations[k]);
-  }
-  text += fmt::format("Coverage   {:.0f} % of the picture, tilts up to {:.0f} degrees\n",
-                      100 * found.image_coverage, found.max_tilt_deg);
-  for (const std::string& reason : found.reasons) text += "Rejected   " + reason + "\n";
-  for (const std::string& step : found.next_steps) text += "Next       " + step + "\n";
-  return text;
 }
 
 }  // namespace raystage::calibrate

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "calibrate/lens_report.h"
 #include "simulate/simulate.h"
 #include "testing/test_folder.h"
 

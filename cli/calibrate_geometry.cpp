@@ -17,6 +17,7 @@
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
 #include "cli/follow_links_option.h"
+#include "cli/lens_model_option.h"
 #include "cli/printing.h"
 #include "cli/threads.h"
 
@@ -37,6 +38,7 @@ struct GeometryOptions {
   std::optional<int> max_points;
   calibrate::LightDetectionOptions light;
   BoardOptions board;
+  LensModelOption lens_model;
 };
 
 calibrate::ScaleOptions scale_of(const GeometryOptions& options) {
@@ -57,10 +59,15 @@ calibrate::ScaleOptions scale_of(const GeometryOptions& options) {
   return scale;
 }
 
+/// `recorded`: lens models that the rig of the take states; empty: none.
 calibrate::CalibrationOptions calibration_options(
     const GeometryOptions& options, const std::vector<schemas::DetectionsDocument::Camera>& cameras,
-    const std::stop_token& stop) {
+    const std::vector<calibrate::LensModel>& recorded, const std::stop_token& stop) {
   calibrate::CalibrationOptions settings;
+  settings.solve.lens_models = recorded;
+  if (options.lens_model.projection) {
+    settings.solve.lens_models.assign(cameras.size(), {*options.lens_model.projection});
+  }
   settings.solve.stop = stop;
   if (!options.quiet) {
     settings.solve.on_step = [lines =
@@ -125,7 +132,8 @@ GeometryResult calibrate_with_light(const GeometryOptions& options, const std::s
   const store::Take take(options.input);
   calibrate::TrackCalibrationOptions settings;
   settings.points.max_points = options.max_points.value_or(settings.points.max_points);
-  settings.calibration = calibration_options(options, calibrate::detection_cameras(take), stop);
+  settings.calibration = calibration_options(options, calibrate::detection_cameras(take),
+                                             calibrate::recorded_lens_models(take), stop);
   Progress progress(!options.quiet);
   const calibrate::RecordedTracks tracks = calibrate::record_light_tracks(
       take, options.light, [&](double done) { progress.report(done); }, stop);
@@ -139,7 +147,8 @@ GeometryResult calibrate_with_board(const GeometryOptions& options, const std::s
   calibrate::TrackCalibrationOptions settings =
       calibrate::board_calibration_options(detector.board(), options.max_points);
   const calibrate::BoardObjectPoints corners = settings.calibration.board;
-  settings.calibration = calibration_options(options, calibrate::detection_cameras(take), stop);
+  settings.calibration = calibration_options(options, calibrate::detection_cameras(take),
+                                             calibrate::recorded_lens_models(take), stop);
   settings.calibration.board = corners;
   Progress progress(!options.quiet);
   return calibrate_tracks(calibrate::record_board_tracks(
@@ -150,9 +159,10 @@ GeometryResult calibrate_with_board(const GeometryOptions& options, const std::s
 GeometryResult calibrate_with_features(const GeometryOptions& options,
                                        const std::stop_token& stop) {
   const store::Take take(options.input);
-  const calibrate::CalibrationOptions settings =
-      calibration_options(options, calibrate::detection_cameras(take), stop);
+  const calibrate::CalibrationOptions settings = calibration_options(
+      options, calibrate::detection_cameras(take), calibrate::recorded_lens_models(take), stop);
   calibrate::FeatureMatchingOptions features;
+  features.lenses = calibrate::known_lenses(settings, calibrate::detection_cameras(take));
   features.max_points = options.max_points.value_or(features.max_points);
   std::optional<Nanoseconds> time;
   if (options.at_s) time = static_cast<Nanoseconds>(std::llround(*options.at_s * 1e9));
@@ -166,7 +176,7 @@ GeometryResult calibrate_with_features(const GeometryOptions& options,
 GeometryResult calibrate_table(const GeometryOptions& options, const std::stop_token& stop) {
   const calibrate::Detections detections = table_of(options);
   const calibrate::CalibrationOptions settings =
-      calibration_options(options, detections.cameras, stop);
+      calibration_options(options, detections.cameras, {}, stop);
   return {settings, calibrate::calibrate(detections, settings)};
 }
 
@@ -229,8 +239,9 @@ void add_knowledge(CommandLine command, GeometryOptions& o) {
       .excludes("--spacing-mm");
   command
       .option("--fov-deg", o.fov_deg,
-              "Initial horizontal field of view of all cameras, degrees (default: tries several)")
-      .limits(2.0, 160.0);
+              "Initial horizontal field of view of all cameras, degrees, pinholes up to 160 "
+              "(default: tries several)")
+      .limits(2.0, 300.0);
   command.option(
       "--lens RIG.json", o.lens,
       "Initial lenses: a rig with one camera (its lens is used for all) or with all of them");
@@ -287,12 +298,16 @@ void add_features(CommandLine command, GeometryOptions& o) {
 }
 
 void add_model(CommandLine command, GeometryOptions& o) {
+  add_lens_model_option(command, o.lens_model, false,
+                        " (default: that of the take's rig, of a table pinhole)")
+      .excludes("--lens")
+      .excludes("--initial-rig");
   command.flag("--lens-per-camera", o.lens_per_camera,
                "Estimate a lens for each camera (default: one for all, unless --lens or "
                "--initial-rig give one for each)");
   command.flag("--full-lens-model", o.full_lens_model,
-               "Also k3, tangential distortion and pixels that are not square (default: focal "
-               "length, principal point, k1, k2)");
+               "Also pixels that are not square, and k3 and tangential distortion of pinholes, k3 "
+               "and k4 of other lenses (default: focal length, principal point, k1, k2)");
   command.option("--max-rms-px", o.max_rms_px, "Largest accepted reprojection error, pixels RMS")
       .show_default()
       .limits(1e-3, 1e3);

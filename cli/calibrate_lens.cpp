@@ -7,10 +7,12 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "calibrate/lens_report.h"
 #include "calibrate/lenses_from_take.h"
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
 #include "cli/follow_links_option.h"
+#include "cli/lens_model_option.h"
 #include "cli/printing.h"
 #include "cli/threads.h"
 #include "schemas/rig_document.h"
@@ -21,9 +23,10 @@ namespace {
 struct LensOptions {
   std::filesystem::path take, output;
   BoardOptions board;
+  LensModelOption lens_model;
   calibrate::LensesFromTakeOptions settings;
   int threads = 0;
-  bool force = false, quiet = false;
+  bool force = false, json = false, quiet = false;
 };
 
 ExitCode run_calibrate_lens(const LensOptions& options, const std::stop_token& stop) {
@@ -34,7 +37,10 @@ ExitCode run_calibrate_lens(const LensOptions& options, const std::stop_token& s
   const std::vector<calibrate::CameraLens> lenses = calibrate::calibrate_lenses(
       store::Take(options.take), detector, options.settings,
       [&](double done) { progress.report(done); }, stop);
-  for (const calibrate::CameraLens& lens : lenses) print("{}", calibrate::format_lens(lens));
+  if (options.json) print("{}", calibrate::lens_report_json(lenses));
+  for (const calibrate::CameraLens& lens : lenses) {
+    if (!options.json) print("{}", calibrate::format_lens(lens));
+  }
   if (!calibrate::are_accepted(lenses) && !options.force) {
     throw Error::failed("the lens was not written: the calibration was rejected",
                         options.output.string(),
@@ -62,17 +68,25 @@ Subcommand declare_calibrate_lens(CommandLine& calibrate) {
               "little except in the principal point")
       .one_argument(',');
   add_board_options(command, o->board, true);
+  add_lens_model_option(command, o->lens_model, true,
+                        "; auto compares them and uses the one with the least error on boards that "
+                        "were held out (default: that of the take's rig)");
   command.flag("--full-lens-model", o->settings.lens.full_lens_model,
-               "Also k3, tangential distortion and pixels that are not square (default: focal "
-               "length, principal point, k1, k2)");
+               "Also pixels that are not square, and k3 and tangential distortion of pinholes, k3 "
+               "and k4 of other lenses (default: focal length, principal point, k1, k2)");
   command.option("--max-views", o->settings.max_views, "Maximum number of frames per camera")
       .show_default()
       .limits(3, 10000);
   command.flag("--force", o->force, "Write the lens even if the calibration is rejected");
+  command.flag("--json", o->json, "Print the results as JSON");
   add_threads_option(command, o->threads);
   add_follow_links_option(command);
   command.flag("-q,--quiet", o->quiet, "No progress on stderr");
-  return {command, [o](const std::stop_token& stop) { return run_calibrate_lens(*o, stop); }};
+  return {command, [o](const std::stop_token& stop) {
+            o->settings.projection = o->lens_model.projection;
+            o->settings.compares_models = o->lens_model.compares;
+            return run_calibrate_lens(*o, stop);
+          }};
 }
 
 }  // namespace raystage::cli

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Matches SIFT features (Lowe 2004) between all pairs of pictures: ratio test in both directions,
-// then the fundamental matrix of the pair by RANSAC. A union-find joins matches to points; points
-// with two positions in one picture are removed. Output: detections, pixels. Cost: cameras squared
-// times features squared.
+// then the fundamental matrix of the pair by RANSAC; of fisheyes, that of views by pinholes. A
+// union-find joins matches to points; points with two positions in one picture are removed. Output:
+// detections, pixels. Cost: cameras squared times features squared.
 #include "calibrate/detect/feature_matching.h"
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <opencv2/calib3d.hpp>
@@ -19,6 +20,7 @@
 #include "base/options.h"
 #include "base/parallel.h"
 #include "calibrate/detect/point_tracks.h"
+#include "calibrate/geometry/ray_view.h"
 #include "store/jpeg/decode.h"
 #include "store/timeline.h"
 
@@ -26,22 +28,27 @@ namespace raystage::calibrate {
 namespace {
 
 struct Picture {
-  std::vector<cv::KeyPoint> places;
-  cv::Mat descriptors;
+  rig::CameraModel lens;
+  std::vector<cv::KeyPoint> places = {};
+  cv::Mat descriptors = {};
+
+  /// Returns the ray of a feature, if there is one.
+  std::optional<Eigen::Vector3d> ray(int feature) const {
+    const cv::Point2f& place = places[static_cast<std::size_t>(feature)].pt;
+    return lens.unproject({place.x + 0.5, place.y + 0.5});  // OpenCV's centres are at integers
+  }
 };
 
-Picture features_of(const store::Take& take, int camera, int frame, int most) {
+void find_features(const store::Take& take, int camera, int frame, int most, Picture& picture) {
   const auto jpeg = take.archive(camera).intact_jpeg(frame);
-  if (!jpeg) return {};  // its camera counts as absent
+  if (!jpeg) return;  // its camera counts as absent
   store::JpegDecoder decoder;
   const std::string& id = take.document().cameras[camera].id;
   store::RgbImage image = decoder.decode(*jpeg, id);
   const cv::Mat rgb(image.height, image.width, CV_8UC3, image.values.data());
   cv::Mat grey;
   cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
-  Picture picture;
   cv::SIFT::create(most)->detectAndCompute(grey, {}, picture.places, picture.descriptors);
-  return picture;
 }
 
 /// Returns for each feature of the first picture its match in the second, or -1 if none passes the
@@ -61,6 +68,61 @@ std::vector<int> nearest_matches(const Picture& from, const Picture& to, double 
 
 using Matches = std::vector<std::pair<int, int>>;
 
+/// Returns which matches of rays fit one epipolar geometry. RANSAC uses those near the mean
+/// direction, in views by pinholes; all are then tested by their angles to the epipolar planes.
+std::vector<unsigned char> fitting_rays(const Matches& matches, const Picture& a, const Picture& b,
+                                        double max_error_px) {
+  using Eigen::Vector3d;
+  std::vector<unsigned char> agrees(matches.size(), 0);
+  std::vector<Vector3d> from_rays, to_rays;
+  std::vector<std::size_t> of_rays;
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    const auto from = a.ray(matches[i].first), to = b.ray(matches[i].second);
+    if (!from || !to) continue;
+    from_rays.push_back(from->normalized());
+    to_rays.push_back(to->normalized());
+    of_rays.push_back(i);
+  }
+  const RayView from_view(a.lens, from_rays), to_view(b.lens, to_rays);
+  const double from_focal = a.lens.intrinsics().fx, to_focal = b.lens.intrinsics().fx;
+  std::vector<cv::Point2d> from, to;
+  for (std::size_t k = 0; k < of_rays.size(); ++k) {
+    const auto from_point = from_view.point(from_rays[k]), to_point = to_view.point(to_rays[k]);
+    if (!from_point || !to_point) continue;
+    from.emplace_back(from_focal * from_point->x(), from_focal * from_point->y());
+    to.emplace_back(to_focal * to_point->x(), to_focal * to_point->y());
+  }
+  constexpr std::size_t kLeast = 8;
+  if (from.size() < kLeast) return agrees;
+  const cv::Mat found =
+      cv::findFundamentalMat(from, to, cv::FM_RANSAC, max_error_px, 0.999, 5000, cv::noArray());
+  if (found.rows != 3) return agrees;
+  Eigen::Matrix3d fundamental;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      fundamental(row, column) = found.at<double>(row, column);
+    }
+  }
+  // Rays in the axes of the views (y down, z ahead), in pixels per radian of each camera.
+  const Vector3d to_opencv(1, -1, -1);
+  const Eigen::Matrix3d of_rays_matrix = Vector3d(to_focal, to_focal, 1).asDiagonal() *
+                                         fundamental *
+                                         Vector3d(from_focal, from_focal, 1).asDiagonal();
+  const auto error_px = [](const Vector3d& normal, const Vector3d& ray, double focal) {
+    return focal * std::asin(std::min(1.0, std::abs(normal.normalized().dot(ray))));
+  };
+  for (std::size_t k = 0; k < of_rays.size(); ++k) {
+    const Vector3d one =
+        to_opencv.cwiseProduct(from_view.camera_from_view().transpose() * from_rays[k]);
+    const Vector3d other =
+        to_opencv.cwiseProduct(to_view.camera_from_view().transpose() * to_rays[k]);
+    const bool fits = error_px(of_rays_matrix * one, other, to_focal) <= max_error_px &&
+                      error_px(of_rays_matrix.transpose() * other, one, from_focal) <= max_error_px;
+    agrees[of_rays[k]] = fits ? 1 : 0;
+  }
+  return agrees;
+}
+
 /// Returns the mutual matches that fit one epipolar geometry.
 Matches matches_between(const Picture& a, const Picture& b, const FeatureMatchingOptions& options) {
   const std::vector<int> there = nearest_matches(a, b, options.max_ratio);
@@ -77,8 +139,12 @@ Matches matches_between(const Picture& a, const Picture& b, const FeatureMatchin
   if (matches.size() < kMin) return {};
   cv::setRNGSeed(1);
   std::vector<unsigned char> agrees;
-  cv::findFundamentalMat(from, to, cv::FM_RANSAC, options.max_epipolar_error_px, 0.999, 5000,
-                         agrees);
+  if (a.lens.fisheye() != nullptr || b.lens.fisheye() != nullptr) {
+    agrees = fitting_rays(matches, a, b, options.max_epipolar_error_px);
+  } else {
+    cv::findFundamentalMat(from, to, cv::FM_RANSAC, options.max_epipolar_error_px, 0.999, 5000,
+                           agrees);
+  }
   Matches kept;
   for (std::size_t i = 0; i < agrees.size(); ++i) {
     if (agrees[i] != 0) kept.push_back(matches[i]);
@@ -163,11 +229,22 @@ Detections match_features(const store::Take& take, Nanoseconds time, Nanoseconds
     }
     progress(static_cast<double>(++done) / (count + pairs.size()));
   };
-  std::vector<Picture> pictures(count);
+  std::vector<Picture> pictures;
+  for (std::size_t c = 0; c < count; ++c) {
+    const rig::CameraModel& recorded = take.rig().cameras[c].model;
+    pictures.push_back({options.lenses.empty() ? recorded
+                                               : rig::CameraModel({take.document().cameras[c].id,
+                                                                   recorded.width(),
+                                                                   recorded.height(),
+                                                                   options.lenses[c],
+                                                                   {},
+                                                                   {},
+                                                                   {}})});
+  }
   parallel_for(std::size_t{0}, count, [&](std::size_t c) {
     step();
     if (frames.frame[c] < 0) return;
-    pictures[c] = features_of(take, static_cast<int>(c), frames.frame[c], options.max_features);
+    find_features(take, static_cast<int>(c), frames.frame[c], options.max_features, pictures[c]);
   });
   std::vector<Matches> matches(pairs.size());
   parallel_for(std::size_t{0}, pairs.size(), [&](std::size_t k) {

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// Internal to calibrate/geometry: image points of rays for solvers that need a pinhole.
 #pragma once
 
 #include <Eigen/Core>

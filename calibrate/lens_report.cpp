@@ -22,7 +22,7 @@ std::string model_name(Projection projection) {
   return std::string(schemas::name_of(projection));
 }
 
-/// Returns how a model compares with the best one.
+/// Returns how a model compares with the one of the least error.
 std::string_view rank_of(const LensModelComparison& comparison, std::size_t fit) {
   if (fit == comparison.best) return "best";
   return comparison.fits[fit].is_distinct ? "worse" : "not distinguishable";

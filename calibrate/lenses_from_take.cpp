@@ -56,7 +56,8 @@ class LensModelChoice {
   LensCalibrationOptions options_of(int camera) const {
     const rig::Rig::Camera& recorded = take_.rig().cameras[static_cast<std::size_t>(camera)];
     const schemas::Intrinsics& lens = recorded.model.intrinsics();
-    return with_model({options_.projection.value_or(lens.projection), lens.half_angle});
+    return with_model({options_.projection.value_or(lens.projection),
+                       options_.half_angle ? options_.half_angle : lens.half_angle});
   }
 
   /// Returns the settings of cameras with a shared prior. Throws Error (bad input) if their models

@@ -21,8 +21,10 @@ struct LensesFromTakeOptions {
   int max_views = 60;                     ///< of each camera, spread over the take
   /// Projection of all lenses; none: of each camera that of the take's rig.
   std::optional<schemas::Projection> projection = std::nullopt;
-  bool compares_models =
-      false;                    ///< fits each lens model and uses the best, instead of `projection`
+  /// Half angle of fisheyes, radians; none: that of the take's rig.
+  std::optional<double> half_angle = std::nullopt;
+  /// Fits each lens model and uses the best, instead of `projection`.
+  bool compares_models = false;
   LensCalibrationOptions lens;  ///< its model is not used
   bool is_valid(std::string* reason) const;
 };

@@ -65,8 +65,14 @@ calibrate::CalibrationOptions calibration_options(
     const std::vector<calibrate::LensModel>& recorded, const std::stop_token& stop) {
   calibrate::CalibrationOptions settings;
   settings.solve.lens_models = recorded;
-  if (options.lens_model.projection) {
-    settings.solve.lens_models.assign(cameras.size(), {*options.lens_model.projection});
+  const LensModelOption& chosen = options.lens_model;
+  if (chosen.choice.projection) {
+    settings.solve.lens_models.assign(cameras.size(), {*chosen.choice.projection});
+  }
+  for (calibrate::LensModel& model : settings.solve.lens_models) {
+    if (chosen.half_angle_deg && model.projection != schemas::Projection::kPinhole) {
+      model.half_angle = *chosen.half_angle_deg * std::numbers::pi / 180;
+    }
   }
   settings.solve.stop = stop;
   if (!options.quiet) {
@@ -298,8 +304,8 @@ void add_features(CommandLine command, GeometryOptions& o) {
 }
 
 void add_model(CommandLine command, GeometryOptions& o) {
-  add_lens_model_option(command, o.lens_model, false,
-                        " (default: that of the take's rig, of a table pinhole)")
+  add_lens_model_options(command, o.lens_model, false,
+                         " (default: that of the take's rig, of a table pinhole)")
       .excludes("--lens")
       .excludes("--initial-rig");
   command.flag("--lens-per-camera", o.lens_per_camera,

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <vector>
 
 #include "base/atomic_file.h"
@@ -68,9 +69,10 @@ Subcommand declare_calibrate_lens(CommandLine& calibrate) {
               "little except in the principal point")
       .one_argument(',');
   add_board_options(command, o->board, true);
-  add_lens_model_option(command, o->lens_model, true,
-                        "; auto compares them and uses the one with the least error on boards that "
-                        "were held out (default: that of the take's rig)");
+  add_lens_model_options(
+      command, o->lens_model, true,
+      "; auto compares them and uses the one with the least error on boards that "
+      "were held out (default: that of the take's rig)");
   command.flag("--full-lens-model", o->settings.lens.full_lens_model,
                "Also pixels that are not square, and k3 and tangential distortion of pinholes, k3 "
                "and k4 of other lenses (default: focal length, principal point, k1, k2)");
@@ -83,8 +85,11 @@ Subcommand declare_calibrate_lens(CommandLine& calibrate) {
   add_follow_links_option(command);
   command.flag("-q,--quiet", o->quiet, "No progress on stderr");
   return {command, [o](const std::stop_token& stop) {
-            o->settings.projection = o->lens_model.projection;
-            o->settings.compares_models = o->lens_model.compares;
+            o->settings.projection = o->lens_model.choice.projection;
+            o->settings.compares_models = o->lens_model.choice.compares;
+            if (o->lens_model.half_angle_deg) {
+              o->settings.half_angle = *o->lens_model.half_angle_deg * std::numbers::pi / 180;
+            }
             return run_calibrate_lens(*o, stop);
           }};
 }

@@ -1,22 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// --lens-model: the projection of lenses to be calibrated.
+// --lens-model and --half-angle-deg: the kind of lenses to be calibrated.
 #include "cli/lens_model_option.h"
 
 #include <map>
 
 namespace raystage::cli {
 
-Option add_lens_model_option(CommandLine& command, LensModelOption& option, bool may_compare,
-                             const std::string& more) {
+Option add_lens_model_options(CommandLine& command, LensModelOption& option, bool may_compare,
+                              const std::string& more) {
   using schemas::Projection;
-  std::map<std::string, LensModelOption> choices{
+  std::map<std::string, LensModelOption::Choice> choices{
       {"pinhole", {Projection::kPinhole, false}},
       {"fisheye", {Projection::kFisheye, false}},
       {"ftheta", {Projection::kFtheta, false}},
       {"equisolid", {Projection::kEquisolid, false}},
       {"orthographic", {Projection::kOrthographic, false}}};
   if (may_compare) choices["auto"] = {std::nullopt, true};
-  return command.choice("--lens-model", option, choices,
+  command
+      .option(
+          "--half-angle-deg", option.half_angle_deg,
+          "Fisheyes: largest angle of a recorded ray to the axis, degrees, where the picture of "
+          "the lens ends (default: that of the take's rig, otherwise unlimited)")
+      .limits(1.0, 180.0);
+  return command.choice("--lens-model", option.choice, choices,
                         "Projection of the lenses; fisheye (OpenCV's) and ftheta are alike" + more);
 }
 

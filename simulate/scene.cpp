@@ -18,7 +18,9 @@ std::vector<SceneName> scene_names() {
           {"grey", "the same, a quarter as bright"},
           {"black", "lens caps"},
           {"color_chart", "a chart of 24 colours (ColorChecker), to calibrate colour"},
-          {"board", "a checkerboard of 10x7 squares of 30 mm carried about, to calibrate lenses"}};
+          {"board", "a checkerboard of 10x7 squares of 30 mm carried about, to calibrate lenses"},
+          {"moving_light_around", "a small light carried around the array, for wide fisheyes"},
+          {"board_around", "the checkerboard carried around the array, for wide fisheyes"}};
 }
 
 Scene make_scene(std::string_view name) {
@@ -34,6 +36,8 @@ Scene make_scene(std::string_view name) {
   if (name == "color_chart") return make_color_chart_scene();
   if (name == "board") return make_checkerboard_scene();
   if (name == "moving_light") return make_moving_light_scene();
+  if (name == "moving_light_around") return make_surrounding_light_scene();
+  if (name == "board_around") return make_surrounding_checkerboard_scene();
   std::string known;
   for (const SceneName& scene : scene_names()) {
     known += (known.empty() ? "" : ", ") + std::string(scene.name);

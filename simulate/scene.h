@@ -68,6 +68,9 @@ inline constexpr int kSimulatedBoardColumns = 10, kSimulatedBoardRows = 7;
 inline constexpr float kSimulatedSquareSize = 0.03F;
 /// Returns a small light that moves in the dark; the name of its part is "light".
 Scene make_moving_light_scene();
+/// Returns the same light and board on paths around the array, up to 115 degrees from its axis.
+Scene make_surrounding_light_scene();
+Scene make_surrounding_checkerboard_scene();
 /// Returns a coloured screen; the name of its part is "screen".
 Scene make_screen_scene(const Eigen::Vector3f& screen_colour, bool with_figure);
 

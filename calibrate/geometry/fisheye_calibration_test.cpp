@@ -83,7 +83,9 @@ TEST_P(FisheyeLenses, AreFoundFromALight) {
   const testing::SyntheticArray array = testing::make_fisheye_array(test, 200, 0.2, 5);
   CalibrationOptions options;
   options.scale.spacing_m = 0.2;
-  options.solve.lens_models.assign(array.poses.size(), {test.lens.projection});
+  // Without a half angle, the distortion would have to be known up to the corners of the pictures.
+  options.solve.lens_models.assign(
+      array.poses.size(), {test.lens.projection, 1.02 * test.widest_deg * testing::kTestDegree});
   const Calibration found = calibrate(array.detections, options);
   EXPECT_TRUE(found.verdict.is_accepted()) << ::testing::PrintToString(found.verdict.reasons);
   EXPECT_LE(rms_reprojection_error(found.model), 0.3);
@@ -96,6 +98,8 @@ TEST_P(FisheyeLenses, AreFoundFromALight) {
                    test.lens);
   const schemas::RigDocument rig = make_rig_document(found, {}, "found");
   EXPECT_EQ(rig.cameras.front().geometry.intrinsics.projection, test.lens.projection);
+  EXPECT_EQ(rig.cameras.front().geometry.intrinsics.half_angle,
+            options.solve.lens_models.front().half_angle);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, FisheyeLenses,

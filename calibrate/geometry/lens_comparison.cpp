@@ -11,6 +11,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 #include "base/error.h"
 #include "base/options.h"
@@ -110,6 +111,42 @@ bool are_distinct(const std::vector<BoardError>& a, const std::vector<BoardError
   return std::abs(mean) > 2 * std::sqrt(squares / (count - 1) / count);
 }
 
+/// Returns the RMS displacement of the corners by the distortion, pixels.
+double distortion_px(const CameraBoardViews& camera, const schemas::Intrinsics& lens) {
+  schemas::Intrinsics ideal = lens;
+  ideal.distortion = {};
+  ideal.radial_distortion = {};
+  const auto model_of = [&](const schemas::Intrinsics& of_lens) {
+    return rig::CameraModel({camera.id, camera.width, camera.height, of_lens, {}, {}, {}});
+  };
+  const rig::CameraModel distorted = model_of(lens), undistorted = model_of(ideal);
+  double sum = 0;
+  int count = 0;
+  for (const BoardView& view : camera.views) {
+    for (const Eigen::Vector2d& pixel : view.pixels) {
+      const auto ray = distorted.unproject(pixel);
+      const auto moved = ray ? undistorted.project(*ray) : std::nullopt;
+      if (!moved) continue;
+      sum += (*moved - pixel).squaredNorm();
+      ++count;
+    }
+  }
+  return std::sqrt(sum / std::max(count, 1));
+}
+
+/// Returns the model to use among those that are not distinct from the least error: the first is
+/// the pinhole.
+std::optional<std::size_t> simplest(const std::vector<bool>& is_distinct,
+                                    const std::vector<double>& distortions) {
+  if (!is_distinct.front()) return 0;
+  std::optional<std::size_t> least;
+  for (std::size_t k = 0; k < is_distinct.size(); ++k) {
+    if (is_distinct[k] || (least && distortions[k] >= distortions[*least])) continue;
+    least = k;
+  }
+  return least;
+}
+
 /// Returns the views with enough corners, so that halves and boards correspond between models.
 CameraBoardViews usable_views(const CameraBoardViews& camera) {
   const BoardViewList views({&camera, 1});
@@ -154,6 +191,7 @@ LensModelComparison compare_lens_models(const CameraBoardViews& camera,
       const auto errors = board_errors(usable, fit.calibration.lens, of_model);
       fit.rms_px = rms_of(errors);
       fit.bic = bic_of(errors, of_model);
+      fit.distortion_px = distortion_px(usable, fit.calibration.lens);
       held_out.back() = held_out_errors(usable, of_model);
       fit.held_out_rms_px = rms_of(held_out.back());
     } catch (const Error& error) {
@@ -162,35 +200,40 @@ LensModelComparison compare_lens_models(const CameraBoardViews& camera,
       fit.held_out_rms_px = std::numeric_limits<double>::infinity();
     }
   }
-  const auto best = std::ranges::min_element(comparison.fits, {}, &LensModelFit::held_out_rms_px);
-  if (!best->failure.empty()) {
+  const auto least = std::ranges::min_element(comparison.fits, {}, &LensModelFit::held_out_rms_px);
+  if (!least->failure.empty()) {
     throw Error::bad_input(
-        "no lens model fits the boards of camera \"" + camera.id + "\": " + best->failure, "",
+        "no lens model fits the boards of camera \"" + camera.id + "\": " + least->failure, "",
         "Check the size of the board and of its squares")
         .concerning({"board", "square_mm"});
   }
-  comparison.best = static_cast<std::size_t>(best - comparison.fits.begin());
+  const auto of_least = static_cast<std::size_t>(least - comparison.fits.begin());
+  std::vector<bool> is_distinct;
+  std::vector<double> distortions;
   for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
-    comparison.fits[k].is_distinct =
-        held_out[k].empty() ||
-        (k != comparison.best && are_distinct(held_out[k], held_out[comparison.best]));
+    LensModelFit& fit = comparison.fits[k];
+    fit.is_distinct =
+        held_out[k].empty() || (k != of_least && are_distinct(held_out[k], held_out[of_least]));
+    is_distinct.push_back(fit.is_distinct);
+    distortions.push_back(fit.distortion_px);
   }
+  comparison.best = simplest(is_distinct, distortions).value_or(of_least);
   return comparison;
 }
 
 Projection best_common_projection(std::span<const LensModelComparison> cameras) {
-  Projection best = Projection::kPinhole;
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < compared_projections().size(); ++k) {
-    double sum = 0;
-    for (const LensModelComparison& camera : cameras) {
-      sum += std::pow(camera.fits[k].held_out_rms_px, 2);
+  const std::size_t count = compared_projections().size();
+  std::vector<bool> is_distinct(count, false);
+  std::vector<double> distortions(count, 0), errors(count, 0);
+  for (const LensModelComparison& camera : cameras) {
+    for (std::size_t k = 0; k < count; ++k) {
+      is_distinct[k] = is_distinct[k] || camera.fits[k].is_distinct;
+      distortions[k] += camera.fits[k].distortion_px;
+      errors[k] += std::pow(camera.fits[k].held_out_rms_px, 2);
     }
-    if (sum >= least) continue;
-    least = sum;
-    best = compared_projections()[k];
   }
-  return best;
+  const auto least = static_cast<std::size_t>(std::ranges::min_element(errors) - errors.begin());
+  return compared_projections()[simplest(is_distinct, distortions).value_or(least)];
 }
 
 }  // namespace raystage::calibrate

@@ -23,16 +23,20 @@ struct LensModelFit {
   /// Bayesian information criterion, n log(squared error / n) + p log n, of n coordinates and p
   /// lens and board parameters (Schwarz 1978); differences above 10 are strong.
   double bic = 0;
-  /// Whether the held-out boards tell it from the best model: their mean squared errors differ by
-  /// two standard errors of the differences of single boards.
+  /// Whether the held-out boards tell it from the model with the least error: their mean squared
+  /// errors differ by more than two standard errors of the differences of single boards.
   bool is_distinct = false;
-  std::string failure;  ///< why the model cannot be fitted; empty: it is
+  double distortion_px = 0;  ///< RMS displacement of the corners by the distortion terms
+  std::string failure;       ///< why the model cannot be fitted; empty: it is
 };
 
 /// Lens models of a camera, in the order of the projections.
 struct LensModelComparison {
   std::vector<LensModelFit> fits;
-  std::size_t best = 0;  ///< the lowest error of held-out boards
+  /// Of the models that held-out boards do not tell from that with the least error: the pinhole,
+  /// which all methods render; otherwise the one with the least distortion, which depends least on
+  /// terms that hold only where corners were seen.
+  std::size_t best = 0;
 
   const LensModelFit& best_fit() const { return fits[best]; }
 };
@@ -46,8 +50,9 @@ std::span<const schemas::Projection> compared_projections();
 LensModelComparison compare_lens_models(const CameraBoardViews& camera,
                                         const LensCalibrationOptions& options);
 
-/// Returns the model with the least sum of squared held-out errors over all cameras, for cameras of
-/// one type.
+/// Returns the best model for cameras of one type: as LensModelComparison::best among the models
+/// that no camera tells from its least error; without any, that with the least error over all
+/// cameras.
 schemas::Projection best_common_projection(std::span<const LensModelComparison> cameras);
 
 }  // namespace raystage::calibrate

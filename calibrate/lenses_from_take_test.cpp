@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 #include "calibrate/lens_report.h"
 #include "simulate/simulate.h"
@@ -54,6 +56,59 @@ TEST(LensesFromTake, NameUnknownCamerasAndTakesWithoutABoard) {
   EXPECT_THAT(error_for(take, options), HasSubstr("is not among those to calibrate"));
   options.shared_prior = {};
   EXPECT_THAT(error_for(take, options), HasSubstr(first)) << "no board in any frame";
+}
+
+TEST(LensesFromTake, OfAFisheyeAreThoseOfTheModelThatExplainsTheBoardBest) {
+  const testing::TestFolder folder;
+  simulate::SimulationOptions simulation;
+  simulation.scene = "board_around";
+  simulation.lens = schemas::Projection::kFtheta;
+  simulation.horizontal_fov_deg = 200;
+  simulation.rows = 1;
+  simulation.columns = 1;
+  simulation.width = 640;
+  simulation.height = 640;
+  simulation.fps = 5;
+  simulation.seconds = 9;
+  simulation.startup_loss_s = 0;
+  simulation.truth_views = 0;
+  simulate::simulate(simulation, folder.path() / "take", "test");
+  const store::Take take(folder.path() / "take");
+  const schemas::Intrinsics truth = take.rig().cameras[0].model.intrinsics();
+  LensesFromTakeOptions options;
+  options.compares_models = true;
+  const auto found =
+      calibrate_lenses(take, BoardDetector(chessboard()), options, [](double) {}, {});
+  ASSERT_EQ(found.size(), 1U);
+  ASSERT_TRUE(found[0].comparison);
+  const LensCalibration& lens = found[0].calibration;
+  EXPECT_EQ(lens.lens.projection, schemas::Projection::kFisheye) << format_lens(found[0]);
+  EXPECT_THAT(lens.reasons, ::testing::IsEmpty());
+  EXPECT_GE(lens.views, 20);
+  EXPECT_LE(lens.rms_px, 0.3);
+  EXPECT_NEAR(lens.lens.fx, truth.fx, 0.005 * truth.fx);
+  EXPECT_NEAR(lens.lens.cx, truth.cx, 0.5);
+  EXPECT_NEAR(lens.lens.cy, truth.cy, 0.5);
+  EXPECT_THAT(format_lens(found[0]),
+              AllOf(HasSubstr("Model      pinhole"), HasSubstr("Model      fisheye = ftheta"),
+                    HasSubstr(": best"), HasSubstr("Lens       fisheye")));
+  const auto report = nlohmann::json::parse(lens_report_json(found));
+  EXPECT_TRUE(report.at("accepted").get<bool>());
+  const auto& camera = report.at("cameras").at(0);
+  EXPECT_EQ(camera.at("projection"), "fisheye");
+  EXPECT_EQ(camera.at("models").size(), 4U);
+  EXPECT_EQ(camera.at("models").at(1).at("rank"), "best");
+  EXPECT_EQ(camera.at("lens").at("k1").get<double>(), lens.lens.radial_distortion[0]);
+
+  // Without a choice, the model is that of the rig; a shared prior keeps it.
+  options.compares_models = false;
+  options.shared_prior = {"all"};
+  options.half_angle = 1.9;
+  const auto recorded =
+      calibrate_lenses(take, BoardDetector(chessboard()), options, [](double) {}, {});
+  EXPECT_EQ(recorded[0].calibration.lens.projection, schemas::Projection::kFtheta);
+  EXPECT_EQ(recorded[0].calibration.lens.half_angle, 1.9);
+  EXPECT_FALSE(recorded[0].comparison);
 }
 
 TEST(LensesFromTake, BecomeARigWithoutPosesAndLinesOfText) {

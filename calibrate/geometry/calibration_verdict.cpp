@@ -177,6 +177,14 @@ void judge_flatness(CalibrationVerdict& verdict, const ArrayModel& model) {
   verdict.next_steps.emplace_back("Record the light at different depths, or with a third camera.");
 }
 
+/// Returns whether a lens has no known end: then its distortion counts up to the picture's corners.
+bool has_endless_fisheye(const ArrayModel& model) {
+  return std::ranges::any_of(model.cameras, [](const ArrayModel::Camera& camera) {
+    return camera.intrinsics.projection != schemas::Projection::kPinhole &&
+           !camera.intrinsics.half_angle;
+  });
+}
+
 void judge_direction(CalibrationVerdict& verdict, const Uncertainty::Direction& direction,
                      const ArrayModel& model) {
   const std::string times =
@@ -184,6 +192,11 @@ void judge_direction(CalibrationVerdict& verdict, const Uncertainty::Direction& 
           ? "not determined by the recording"
           : fmt::format("uncertain by {:.1f} times the tolerance", direction.deviation);
   say_once(verdict.reasons, fmt::format("{} {}.", describe_direction(direction, model), times));
+  if (direction.distortion > 0.4 && has_endless_fisheye(model)) {
+    say_once(verdict.next_steps,
+             "If the picture of a fisheye ends before the corners, give its half angle: the "
+             "distortion counts up to there.");
+  }
   if (direction.focal_length + direction.principal_point + direction.distortion > 0.4) {
     say_once(
         verdict.next_steps,

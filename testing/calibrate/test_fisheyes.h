@@ -124,6 +124,7 @@ inline SyntheticArray make_fisheye_array(const FisheyeCase& test, int points, do
   }
   SyntheticArray result;
   result.lens = test.lens;
+  result.lights = lights;
   for (int i = 0; i < 9; ++i) {
     rig::Pose pose;
     pose.position = Eigen::Vector3d(0.2 * (i % 3 - 1), 0.2 * (i / 3 - 1), 0) +

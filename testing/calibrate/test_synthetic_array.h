@@ -22,6 +22,7 @@ struct SyntheticArray {
   std::vector<rig::Pose> poses;
   schemas::Intrinsics lens;  // of all
   calibrate::Detections detections;
+  std::vector<Eigen::Vector3d> lights = {};  // world; only of make_fisheye_array()
 };
 
 struct SyntheticArrayOptions {

@@ -119,6 +119,43 @@ TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
             2);
 }
 
+TEST(Calibrate, ABoardTellsTheModelOfAFisheye) {
+  const testing::TestFolder folder;
+  const std::string take = (folder.path() / "board").string();
+  ASSERT_EQ(
+      run("raystage simulate board_around -o " + take +
+          " --lens equisolid --fov-deg 190 --rows 1 --columns 1 --seconds 9 --fps 5 --width 640 "
+          "--height 640 --truth-views 0 --startup-loss-seconds 0 --calibration nominal -q")
+          .exit_code,
+      0);
+  const std::string lens = (folder.path() / "lens.json").string();
+  const std::string command =
+      "raystage calibrate lens " + take + " --board 10x7 --square-mm 30 -q -o " + lens;
+  const CommandResult found = run(command + " --lens-model auto --half-angle-deg 110 --json");
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  const auto report = nlohmann::json::parse(found.out);
+  const auto& models = report.at("cameras").at(0).at("models");
+  EXPECT_EQ(report.at("cameras").at(0).at("projection"), "equisolid") << models;
+  EXPECT_EQ(models.at(0).at("rank"), "worse");
+  const schemas::Intrinsics written = schemas::read_rig(lens).cameras[0].geometry.intrinsics;
+  const schemas::Intrinsics truth =
+      schemas::read_rig(write_true_rig(take)).cameras[0].geometry.intrinsics;
+  EXPECT_EQ(written.projection, schemas::Projection::kEquisolid);
+  EXPECT_NEAR(written.fx, truth.fx, 0.005 * truth.fx);
+  EXPECT_NEAR(written.half_angle.value_or(0), 110 * 3.14159265358979 / 180, 1e-12);
+  // A chosen model is kept, whether or not it is the best.
+  const CommandResult chosen = run(command + " --lens-model orthographic --force");
+  EXPECT_EQ(chosen.exit_code, 0) << chosen.err;
+  EXPECT_EQ(schemas::read_rig(lens).cameras[0].geometry.intrinsics.projection,
+            schemas::Projection::kOrthographic);
+  EXPECT_EQ(run(command + " --lens-model barrel").exit_code, 2);
+  const std::string geometry =
+      "raystage calibrate geometry " + take + " --board 10x7 --square-mm 30 -q -o " + lens;
+  EXPECT_EQ(run(geometry + " --lens-model auto").exit_code, 2);
+  EXPECT_EQ(run(geometry + " --lens-model ftheta --lens " + lens).exit_code, 2);
+  EXPECT_EQ(run(geometry + " --lens-model pinhole --fov-deg 170").exit_code, 2);
+}
+
 TEST(Calibrate, WritesNothingThatCannotBeReliedUpon) {
   const testing::TestFolder folder;
   const std::string take = (folder.path() / "light").string();

@@ -132,7 +132,9 @@ TEST(CapturedNoise, OfWebcamsDoesNotHideALensOf200Degrees) {
     for (unsigned seed = 1; seed <= 4; ++seed) {
       LensCalibrationOptions options;
       options.model.projection = projection;
-      const LensCalibration found = calibrate_lens(before_fisheye(boards, test, 60, seed), options);
+      const LensCalibration found = calibrate_lens(
+          before_fisheye(boards, test, 60, seed + 100 * static_cast<unsigned>(projection)),
+          options);
       SCOPED_TRACE(fmt::format("projection {}, seed {}", static_cast<int>(projection), seed));
       EXPECT_THAT(found.reasons, ::testing::IsEmpty());
       EXPECT_LE(found.rms_px, 0.3);
@@ -152,8 +154,8 @@ TEST(CapturedNoise, OfWebcamsDoesNotHideALensOf200Degrees) {
                   text.c_str());
     }
   }
-  // 60 errors in their stated deviations: RMS 1, up to its own spread and that the parameters of a
-  // lens depend on each other; the largest of 60 is above 3.5 once in 30 trials.
+  // 60 errors in their stated deviations: RMS 1, up to its own spread, and because the parameters
+  // of a lens depend on each other. Stated deviations are enlarged for correlated residuals.
   const double in_deviations = std::sqrt(squares / parameters);
   std::printf("errors in stated deviations: RMS %.2f, largest %.2f of %d\n", in_deviations, worst,
               parameters);

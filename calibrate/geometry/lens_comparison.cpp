@@ -98,17 +98,20 @@ std::vector<BoardError> held_out_errors(const CameraBoardViews& camera,
   return errors;
 }
 
-/// Returns whether the mean squared errors of two models differ by two standard errors.
-bool are_distinct(const std::vector<BoardError>& a, const std::vector<BoardError>& b) {
-  std::vector<double> differences;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    differences.push_back((a[i].sum - b[i].sum) / a[i].corners);
+/// Returns whether the boards fit a model worse than another one: the mean logarithm of the ratio
+/// of their squared errors is more than two standard errors above 0. Ratios, because a wrong model
+/// may fail only in a few boards at the edge, whose errors alone would decide about a mean.
+bool fit_worse(const std::vector<BoardError>& model, const std::vector<BoardError>& other) {
+  constexpr double kLeast = 1e-12;  // pixels squared
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    ratios.push_back(std::log((model[i].sum + kLeast) / (other[i].sum + kLeast)));
   }
-  const auto count = static_cast<double>(differences.size());
-  const double mean = std::accumulate(differences.begin(), differences.end(), 0.0) / count;
+  const auto count = static_cast<double>(ratios.size());
+  const double mean = std::accumulate(ratios.begin(), ratios.end(), 0.0) / count;
   double squares = 0;
-  for (const double value : differences) squares += (value - mean) * (value - mean);
-  return std::abs(mean) > 2 * std::sqrt(squares / (count - 1) / count);
+  for (const double ratio : ratios) squares += (ratio - mean) * (ratio - mean);
+  return mean > 2 * std::sqrt(squares / (count - 1) / count);
 }
 
 /// Returns the RMS displacement of the corners by the distortion, pixels.
@@ -213,7 +216,7 @@ LensModelComparison compare_lens_models(const CameraBoardViews& camera,
   for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
     LensModelFit& fit = comparison.fits[k];
     fit.is_distinct =
-        held_out[k].empty() || (k != of_least && are_distinct(held_out[k], held_out[of_least]));
+        held_out[k].empty() || (k != of_least && fit_worse(held_out[k], held_out[of_least]));
     is_distinct.push_back(fit.is_distinct);
     distortions.push_back(fit.distortion_px);
   }

@@ -23,8 +23,8 @@ struct LensModelFit {
   /// Bayesian information criterion, n log(squared error / n) + p log n, of n coordinates and p
   /// lens and board parameters (Schwarz 1978); differences above 10 are strong.
   double bic = 0;
-  /// Whether the held-out boards tell it from the model with the least error: their mean squared
-  /// errors differ by more than two standard errors of the differences of single boards.
+  /// Whether the held-out boards tell it from the model with the least error: the mean logarithm of
+  /// the ratio of their squared errors is more than two standard errors above 0.
   bool is_distinct = false;
   double distortion_px = 0;  ///< RMS displacement of the corners by the distortion terms
   std::string failure;       ///< why the model cannot be fitted; empty: it is

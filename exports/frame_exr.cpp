@@ -10,8 +10,8 @@
 #include <OpenEXR/ImfStringAttribute.h>
 #include <fmt/format.h>
 
-#include <array>
 #include <cmath>
+#include <string_view>
 #include <utility>
 
 #include "base/error.h"
@@ -58,6 +58,21 @@ compose::ExrCamera camera_of(const rig::Rig::Camera& camera) {
   return result;
 }
 
+/// Returns a header without what describes a rendering or a film back, and for fisheyes without the
+/// matrix of a window. A copy, because Imf::Header::erase() of OpenEXR 3.1 leaks the attribute.
+Imf::Header camera_header(const Imf::Header& rendered, bool is_pinhole) {
+  Imf::Header header;
+  for (auto i = rendered.begin(); i != rendered.end(); ++i) {
+    const std::string_view name = i.name();
+    if (name == "lf:coveredShare" || name == "sensorOverallDimensions" ||
+        name == "pinholeFocalLength" || (name == "worldToNDC" && !is_pinhole)) {
+      continue;
+    }
+    header.insert(i.name(), i.attribute());
+  }
+  return header;
+}
+
 void add_text(Imf::Header& header, const char* name, const std::string& text) {
   header.insert(name, Imf::StringAttribute(text));
 }
@@ -75,9 +90,6 @@ void add_lens_model(Imf::Header& header, const rig::Rig::Camera& camera) {
     const auto& k = lens.radial_distortion;
     add_text(header, "lf:lensDistortion", fmt::format("{} {} {} {}", k[0], k[1], k[2], k[3]));
     if (lens.half_angle) add_text(header, "lf:lensHalfAngle", fmt::format("{}", *lens.half_angle));
-    // No matrix and no window describe a fisheye.
-    header.erase("worldToNDC");
-    header.erase("pinholeFocalLength");
     header.screenWindowCenter() = {0, 0};
     header.screenWindowWidth() = 1;
   }
@@ -111,10 +123,8 @@ Imf::Header FrameExrEncoder::header_of(const ChosenFrame& frame) const {
   const schemas::TakeDocument& document = take_.document();
   if (frame.source >= 0) metadata.capture_utc = document.epoch_utc + frame.source_ns;
   compose::ExrPart part;
-  Imf::Header header = compose::exr_header(part, view_, metadata);
-  header.erase("lf:coveredShare");          // of rendered frames
-  header.erase("sensorOverallDimensions");  // the film back is not known
-  header.erase("pinholeFocalLength");
+  const bool is_pinhole = view_.view.intrinsics.projection == schemas::Projection::kPinhole;
+  Imf::Header header = camera_header(compose::exr_header(part, view_, metadata), is_pinhole);
   add_text(header, "lf:camera", document.cameras[camera_].id);
   add_text(header, "lf:clock", document.clock);
   add_text(header, "lf:timestampEvent", document.timestamp_event);

@@ -367,7 +367,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     ViewEvaluation result;
     result.id = subject.id;
     render::ReconstructionOptions of_view = reconstruction;
-        of_view.focal_plane = rig::fronto_parallel_plane(take.rig(), evaluation.focal_depth,
+    of_view.focal_plane = rig::fronto_parallel_plane(take.rig(), evaluation.focal_depth,
                                                      subject.camera.pose.viewing_direction());
     of_view.shown_views = shown_views_of(subject, subjects);
     const TimedView timed(take, renderer_options, subject, of_view);

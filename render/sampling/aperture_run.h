@@ -9,7 +9,7 @@ namespace raystage::render {
 
 /// A camera of a synthetic aperture (thesis, Reconstruction; ApertureLens has the formula).
 struct ApertureCamera {
-    float x = 0, y = 0;            ///< in the plane of ApertureLens::Plane, m
+  float x = 0, y = 0;            ///< in the plane of ApertureLens::Plane, m
   float height_squared = 0;      ///< (h / R)^2 of its height h off this plane
   float inverse_radius = 0;      ///< 1 / R; 0 where the camera's weight does not fall off
   bool present = true;           ///< counts for alpha; others count only for coverage

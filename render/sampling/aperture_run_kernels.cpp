@@ -46,7 +46,7 @@ struct CrossedBox {
     const float y = camera.y - std::clamp(camera.y, bottom, top);
     const float to_corner = shape.sides.empty() ? 1.0F : 1.4143F;  // largest: the square's
     const float reach = to_corner * (1 + 1e-5F);
-        return (x * x + y * y) * camera.inverse_radius * camera.inverse_radius < reach * reach &&
+    return (x * x + y * y) * camera.inverse_radius * camera.inverse_radius < reach * reach &&
            camera.height_squared < 1;
   }
 };
@@ -91,7 +91,7 @@ HWY_INLINE V aperture_weight(D d, const ApertureCamera& camera, const ApertureSh
   const auto scale = hn::Set(d, camera.inverse_radius), steepness = hn::Set(d, shape.steepness);
   const auto right = hn::MulAdd(x, scale, hn::Set(d, -camera.x * camera.inverse_radius));
   const auto up = hn::MulAdd(y, scale, hn::Set(d, -camera.y * camera.inverse_radius));
-    const auto height_squared = hn::Set(d, camera.height_squared);
+  const auto height_squared = hn::Set(d, camera.height_squared);
   auto q_squared = hn::MulAdd(right, right, hn::MulAdd(up, up, height_squared));
   if (!shape.sides.empty()) {
     auto q = hn::Zero(d);
@@ -99,7 +99,7 @@ HWY_INLINE V aperture_weight(D d, const ApertureCamera& camera, const ApertureSh
       const auto along = hn::MulAdd(right, hn::Set(d, side[0]), hn::Mul(up, hn::Set(d, side[1])));
       q = hn::Max(q, hn::Abs(along));
     }
-        q_squared = hn::MulAdd(q, q, height_squared);
+    q_squared = hn::MulAdd(q, q, height_squared);
   }
   const auto t = hn::Min(hn::Set(d, 1.0F),
                          hn::Max(hn::Zero(d), hn::NegMulAdd(q_squared, steepness, steepness)));

@@ -343,7 +343,7 @@ class SlabsMethod final : public Method {
   RenderedView render(const ViewRequest& request) const override {
     RenderedView image = empty_view(request.view);
     render_rays(request, SumStage::kSampleAndFinish, {}, image);
-        add_row_note(*request.instant.complete, image);
+    add_row_note(*request.instant.complete, image);
     if (request.instant.rig->looks_around() && request.options.text("layout") == "single") {
       add_notes({"the array looks around, but layout single shows only what is ahead of it: set "
                  "layout to box"},

@@ -82,6 +82,10 @@ bool MosaicExportOptions::is_valid(std::string* reason) const {
     *reason = "a mosaic is made of decoded pictures: its codec cannot copy JPEG";
     return false;
   }
+  if (frames.absent == AbsentFrames::kGap) {
+    *reason = "the cameras of a mosaic share their times: a gap of one would shift it";
+    return false;
+  }
   return is_within("tile_width", tile_width, 16, 4096, reason) &&
          is_within("columns", columns, 0, 1000, reason);
 }

@@ -11,10 +11,12 @@ extern "C" {
 #include <libswscale/swscale.h>
 }
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -276,11 +278,14 @@ MovMuxer::~MovMuxer() = default;
 
 void MovMuxer::append(std::span<const std::byte> packet, Nanoseconds time) {
   State& s = *state_;
-  const std::int64_t at = s.in_units(time);
+  std::int64_t at = s.in_units(time);
   if (s.pending) {
-    if (at <= s.pending->time) {
-      throw Error::bad_input("two frames are at one time in the movie's unit", s.file,
-                             "Export with a container of finer times");
+    // Frames closer than the unit, as after a clock that stood still, stay in order.
+    at = std::max(at, s.pending->time + 1);
+    // libavformat would silently move all later frames.
+    if (at - s.pending->time >= std::numeric_limits<std::int32_t>::max()) {
+      throw Error::bad_input("two frames are farther apart than a QuickTime movie can state",
+                             s.file, "Export a Matroska file, or a part of the take");
     }
     s.write_pending(at - s.pending->time);
   }

@@ -82,12 +82,28 @@ std::optional<Vector3d> common_plane(std::span<const Vector3d> offsets) {
   return normal;
 }
 
-Topology ring_of_strips(std::span<const Vector3d> offsets, const Vector3d& normal) {
+/// Returns whether the offsets, in order about `normal`, are the corners of a convex polygon.
+bool is_convex(std::span<const Vector3d> offsets, std::span<const int> order,
+               const Vector3d& normal) {
+  const std::size_t count = order.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vector3d& from = offsets[order[i]];
+    const Vector3d& corner = offsets[order[(i + 1) % count]];
+    const Vector3d& to = offsets[order[(i + 2) % count]];
+    if (!((corner - from).cross(to - corner).dot(normal) > 0)) return false;
+  }
+  return true;
+}
+
+/// Returns the strips of a ring, or nullopt if the cameras are not one ring, as those of two rings
+/// or of a plate.
+std::optional<Topology> ring_of_strips(std::span<const Vector3d> offsets, const Vector3d& normal) {
   const Vector3d across = normal.unitOrthogonal(), along = normal.cross(across);
   std::vector<int> order(offsets.size());
   std::iota(order.begin(), order.end(), 0);
   std::ranges::sort(
       order, {}, [&](int i) { return std::atan2(offsets[i].dot(along), offsets[i].dot(across)); });
+  if (!is_convex(offsets, order, normal)) return std::nullopt;
   Topology topology;
   topology.kind = Topology::Kind::kSegments;
   topology.normal = topology.up = normal;
@@ -173,19 +189,20 @@ std::optional<Topology> outward_topology(std::span<const Vector3d> centres,
   }
   const Vector3d middle = mean_of(offsets);
   for (Vector3d& offset : offsets) offset -= middle;
+  double extent = 0;
+  for (const Vector3d& offset : offsets) extent = std::max(extent, offset.norm());
   const bool is_at_middle = std::ranges::any_of(
-      offsets, [&](const Vector3d& offset) { return offset.norm() < 1e-3 * offsets[0].norm(); });
+      offsets, [&](const Vector3d& offset) { return offset.norm() < 1e-3 * extent; });
   if (is_at_middle || !looks_outwards(offsets, directions)) return std::nullopt;
 
   std::optional<Topology> topology;
   if (const auto normal = common_plane(offsets)) {
     topology = ring_of_strips(offsets, *normal);
-  } else {
-    topology = closed_surface(offsets);
-    if (!topology) return std::nullopt;
+  } else if ((topology = closed_surface(offsets))) {
     topology->normal = plane.normal;
     topology->up = plane.up;
   }
+  if (!topology) return std::nullopt;
   topology->outwards = true;
   for (Topology::Cell& cell : topology->cells) {
     for (int& corner : cell) {

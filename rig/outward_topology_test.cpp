@@ -135,6 +135,17 @@ TEST(OutwardTopology, OtherArraysHaveNone) {
   for (const Vector3d& centre : inwards) towards.push_back(-centre);
   EXPECT_FALSE(outward_topology(inwards, towards)) << "about a stage";
   EXPECT_FALSE(outward_topology(inwards, std::vector<Vector3d>(30, ahead)));
+  std::vector<Vector3d> rings;  // two in one plane, and one about a camera
+  for (int i = 0; i < 16; ++i) {
+    const double turn = 2 * std::numbers::pi * i / 8, radius = i < 8 ? 1 : 0.5;
+    rings.emplace_back(radius * std::cos(turn), 0, radius * std::sin(turn));
+  }
+  EXPECT_FALSE(outward_topology(rings, directions_of(rings, Vector3d::Zero())));
+  std::vector<Vector3d> about(rings.begin(), rings.begin() + 8), outwards;
+  outwards = directions_of(about, Vector3d::Zero());
+  about.insert(about.begin(), Vector3d::Zero());
+  outwards.insert(outwards.begin(), Vector3d::UnitY());
+  EXPECT_FALSE(outward_topology(about, outwards));
   const std::vector<Vector3d> line{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}};
   EXPECT_FALSE(outward_topology(line, directions_of(line, {1, 0, 0.1})));
 }

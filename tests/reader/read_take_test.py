@@ -1,0 +1,227 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The reader in integrations/reader, which follows docs/formats, agrees with our commands and with other programs."""
+import ast
+import collections
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+BIN = pathlib.Path(os.environ["RAYSTAGE_BIN_DIR"])
+READER = pathlib.Path(__file__).resolve().parents[2] / "integrations/reader/read_take.py"
+WIDTH, HEIGHT, FOV_DEG, DEPTH_M = 240, 180, 60, 2
+POSITION, ORIENTATION = (0.05, 0.03, 0.12), (0.9998, 0.01, 0.015, 0.0)  # sees past the array's border
+
+
+def output_of(*command: object) -> bytes:
+    run = subprocess.run([str(part) for part in command], stdin=subprocess.DEVNULL, capture_output=True, check=False)
+    if run.returncode != 0:
+        raise AssertionError(f"{command}: exit code {run.returncode}\n{run.stderr.decode()}")
+    return run.stdout
+
+
+def raystage(*arguments: object) -> bytes:
+    return output_of(BIN / "raystage", *arguments)
+
+
+def read(take: pathlib.Path, *options: object) -> tuple[dict, pathlib.Path]:
+    """Returns what the reader lists, and the folder of its files."""
+    folder = pathlib.Path(tempfile.mkdtemp(dir=take.parent))
+    output_of(sys.executable, READER, take, "-o", folder, *options)
+    return json.loads((folder / "take.json").read_text()), folder
+
+
+def jpegs(folder: pathlib.Path, camera: dict) -> list[bytes]:
+    return [(folder / f"{camera['id']}.{i}.jpg").read_bytes() for i in range(len(camera["frames"]))]
+
+
+def pixels_of(picture: pathlib.Path, pixel_format: str, kind: str) -> np.ndarray:
+    data = output_of("ffmpeg", "-nostdin", "-v", "error", "-i", picture, "-f", "rawvideo", "-pix_fmt", pixel_format, "-")
+    return np.frombuffer(data, kind)
+
+
+def rotation(quaternion: tuple) -> np.ndarray:
+    w, x, y, z = np.array(quaternion) / np.linalg.norm(quaternion)
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def flip_bit(file: pathlib.Path, at: int) -> None:
+    data = bytearray(file.read_bytes())
+    data[at] ^= 1
+    file.write_bytes(data)
+
+
+class Reader(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.folder = tempfile.TemporaryDirectory(prefix="raystage-reader-")
+        cls.root = pathlib.Path(cls.folder.name)
+        cls.take = cls.simulate("take", "--photometric", "0.05")
+        cls.listed, cls.files = read(cls.take)
+
+    @classmethod
+    def tearDownClass(cls) -> None:
+        cls.folder.cleanup()
+
+    @classmethod
+    def simulate(cls, name: str, *options: object) -> pathlib.Path:
+        take = cls.root / name
+        raystage("simulate", "stage", "-q", "-o", take, "--rows", 4, "--columns", 4, "--width", 160, "--height", 120, "--seconds", 1.5,
+                 "--fps", 10, "--startup-loss-seconds", 0.2, "--drop", 0.15, "--truth-views", 0, *options)
+        raystage("sync", "-q", take)
+        return take
+
+    def copy(self, name: str) -> pathlib.Path:
+        return pathlib.Path(shutil.copytree(self.take, self.root / name))
+
+    def test_it_is_short_and_uses_no_code_of_ours(self) -> None:
+        text = READER.read_text()
+        self.assertLess(len(text.splitlines()), 300)
+        self.assertLessEqual(max(map(len, text.splitlines())), 140)
+        imported = {name.name for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import) for name in node.names}
+        self.assertFalse([node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)])
+        self.assertEqual({name for name in imported if name not in sys.stdlib_module_names}, {"numpy"})
+        self.assertFalse(imported & {"importlib", "ctypes", "runpy"})
+        strings = [node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+        self.assertFalse([string for string in strings if string == "raystage" or string.startswith("raystage ")], "runs no command of ours")
+
+    def test_frames_times_and_gaps_are_the_true_ones(self) -> None:
+        truth = json.loads((self.take / "truth.json").read_text())["cameras"]
+        self.assertEqual([camera["id"] for camera in self.listed["cameras"]], [camera["id"] for camera in truth])
+        reasons = set()
+        for camera, true in zip(self.listed["cameras"], truth):
+            expected = list(zip(true["stamped_time_ns"], true["status"]))
+            self.assertEqual([frame["time_ns"] for frame in camera["frames"]], [time for time, status in expected if status == "stored"])
+            gaps = [(gap["time_ns"], gap["reason"]) for gap in camera["gaps"]]
+            self.assertEqual(gaps, [(time, status) for time, status in expected if status != "stored"])
+            reasons |= {reason for _, reason in gaps}
+            self.assertTrue(all(frame["intact"] and frame["is_block"] for frame in camera["frames"]))
+        self.assertEqual(reasons, {"lost at start-up", "dropped by the source"})
+
+    def test_info_and_verify_count_the_same(self) -> None:
+        report = self.root / "verify.json"
+        raystage("verify", self.take, "--json", report)
+        verified = json.loads(report.read_text())["cameras"]
+        info = json.loads(raystage("info", self.take, "--json"))
+        for camera, known, whole in zip(self.listed["cameras"], info["cameras"], verified):
+            self.assertEqual((camera["id"], len(camera["frames"])), (known["id"], known["frames"]))
+            self.assertEqual(collections.Counter(gap["reason"] for gap in camera["gaps"]), collections.Counter(known["missing"]))
+            self.assertEqual((len(camera["frames"]), True), (whole["frames"], whole["intact"]))
+        timeline = self.listed["timeline"]
+        self.assertEqual(len(timeline["ticks_ns"]), info["timeline"]["ticks"])
+        self.assertAlmostEqual(timeline["rate_hz"], info["timeline"]["fps"], places=9)
+        absent = sum(row.count(-1) for row in timeline["frames"])
+        self.assertEqual(absent, info["timeline"]["absent_total"])
+        self.assertGreater(absent, 0)
+
+    def test_other_programs_find_the_same_bytes_and_times(self) -> None:
+        for camera in self.listed["cameras"]:
+            archive = self.take / f"archive/{camera['id']}.mkv"
+            output_of("mkvextract", archive, "tracks", "--raw", f"0:{self.root / 'raw'}")
+            stored = jpegs(self.files, camera)
+            self.assertEqual(b"".join(stored), (self.root / "raw").read_bytes())
+            self.assertEqual([len(jpeg) for jpeg in stored], [frame["size"] for frame in camera["frames"]])
+            packets = json.loads(output_of("ffprobe", "-v", "error", "-show_packets", "-of", "json", archive))["packets"]
+            self.assertEqual([(packet["pts"], int(packet["size"])) for packet in packets],
+                             [(frame["time_ns"], frame["size"]) for frame in camera["frames"]])
+
+    def test_a_packed_take_gives_the_same_frames(self) -> None:
+        packed = self.root / "packed"
+        raystage("pack", "-q", self.take, "-o", packed)
+        listed, files = read(packed)
+        self.assertEqual({camera["codec"] for camera in listed["cameras"]}, {"V_JPEGXL"})
+        for before, camera in zip(self.listed["cameras"], listed["cameras"]):
+            self.assertEqual(jpegs(files, camera), jpegs(self.files, before))
+            self.assertEqual([frame["time_ns"] for frame in camera["frames"]], [frame["time_ns"] for frame in before["frames"]])
+            self.assertEqual(camera["gaps"], before["gaps"])
+            self.assertTrue(all(frame["intact"] for frame in camera["frames"]))
+
+    def test_damage_is_found_where_it_is(self) -> None:
+        damaged = self.copy("damaged")
+        rotten, lost, torn = self.listed["cameras"][:3]
+        flip_bit(damaged / f"archive/{rotten['id']}.mkv", rotten["frames"][2]["offset"] + 1000)
+        (damaged / f"archive/{lost['id']}.journal").unlink()
+        archive = damaged / f"archive/{torn['id']}.mkv"
+        archive.write_bytes(archive.read_bytes()[:torn["frames"][-1]["offset"] + 100])
+        open_archive = damaged / f"archive/{self.listed['cameras'][4]['id']}.mkv"  # as while it is recorded: size unknown
+        data, segment = open_archive.read_bytes(), bytes.fromhex("18538067")
+        at = data.index(segment) + len(segment)
+        open_archive.write_bytes(data[:at] + bytes.fromhex("01ffffffffffffff") + data[at + 8:])
+        unrecorded = self.listed["cameras"][3]
+        record = sum(gap["time_ns"] < unrecorded["frames"][0]["time_ns"] for gap in unrecorded["gaps"])  # of the first frame
+        flip_bit(damaged / f"archive/{unrecorded['id']}.journal", 64 + 48 * record + 35)
+        listed, files = read(damaged)
+        found = listed["cameras"]
+        self.assertEqual([frame["intact"] for frame in found[0]["frames"]], [i != 2 for i in range(len(rotten["frames"]))])
+        self.assertEqual([(frame["time_ns"], frame["offset"], frame["size"]) for frame in found[1]["frames"]],
+                         [(frame["time_ns"], frame["offset"], frame["size"]) for frame in lost["frames"]])
+        self.assertEqual({frame["intact"] for frame in found[1]["frames"]}, {None})
+        self.assertEqual(jpegs(files, found[1]), jpegs(self.files, lost))
+        self.assertEqual([frame["intact"] for frame in found[2]["frames"]], [True] * (len(torn["frames"]) - 1) + [False])
+        self.assertEqual([frame["intact"] for frame in found[3]["frames"]], [None] + [True] * (len(unrecorded["frames"]) - 1))
+        self.assertEqual(found[3]["frames"][0]["offset"], unrecorded["frames"][0]["offset"], "found in the archive")
+        self.assertEqual(found[3]["gaps"], unrecorded["gaps"])
+        self.assertEqual(found[4:], self.listed["cameras"][4:])
+
+    def compare_pictures(self, take: pathlib.Path, tick_choice=max) -> None:
+        """Compares the pictures of the tick at which most cameras are absent, or fewest (min)."""
+        ticks = read(take)[0]["timeline"]
+        absent = [sum(row[tick] < 0 for row in ticks["frames"]) for tick in range(len(ticks["ticks_ns"]))]
+        tick = absent.index(tick_choice(absent))
+        self.assertTrue(tick_choice is min or absent[tick] > 0)
+        seconds = (ticks["ticks_ns"][tick] - ticks["ticks_ns"][0]) / 1e9
+        shot = {"schema": "raystage/shot/3", "name": "one", "width": WIDTH, "height": HEIGHT, "fps": 10, "first_frame": 1, "last_frame": 1,
+                "camera": {"keys": [{"frame": 1, "position": POSITION, "orientation": ORIENTATION, "horizontal_fov_deg": FOV_DEG}]},
+                "layers": [{"take": str(take), "method": "focal_plane", "focal_plane": {"depth_m": DEPTH_M}, "start_seconds": seconds,
+                            "speed": 0}], "output": {"compression": "zip", "layout": "single", "aovs": []}}
+        (take.parent / "shot.json").write_text(json.dumps(shot))
+        ours = take.parent / f"{take.name}.0001.exr"
+        raystage("render", take.parent / "shot.json", "-q", "--existing", "overwrite", "-o", take.parent / f"{take.name}.####.exr")
+        focal = WIDTH / 2 / np.tan(np.radians(FOV_DEG / 2))
+        pose = np.vstack([np.column_stack([rotation(ORIENTATION), POSITION]), [0, 0, 0, 1]])
+        view = {"id": "one", "width": WIDTH, "height": HEIGHT, "world_from_camera": pose.tolist(), "time_ns": ticks["ticks_ns"][tick],
+                "intrinsics": {"fx": focal, "fy": focal, "cx": WIDTH / 2, "cy": HEIGHT / 2}}
+        (take.parent / "views.json").write_text(json.dumps({"schema": "raystage/views/1", "color_space": "srgb_texture", "views": [view]}))
+        _, files = read(take, "--views", take.parent / "views.json", "--depth-m", DEPTH_M)
+        theirs = pixels_of(files / "picture.png", "rgba", "u1").reshape(HEIGHT, WIDTH, 4) / 255
+
+        green, blue, red, alpha = pixels_of(ours, "gbrapf32le", "<f4").reshape(4, HEIGHT, WIDTH)
+        light = np.clip(np.dstack([red, green, blue]) / np.maximum(alpha, 1e-6)[..., None], 0, 1)
+        codes = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
+        seen = alpha > 0.01
+        self.assertGreater(np.count_nonzero(alpha == 0), 0.05 * alpha.size, "the view sees past the array")
+        self.assertGreater(np.count_nonzero(seen), 0.5 * alpha.size)
+        self.assertLess(np.max(np.abs(theirs[..., 3] - alpha)), 0.01, "covered alike, pixel by pixel")
+        error = np.mean((theirs[..., :3] - codes)[seen] ** 2)
+        psnr = -10 * np.log10(error)
+        print(f"{take.name}: {psnr:.1f} dB over {np.count_nonzero(seen)} pixels", file=sys.stderr)
+        self.assertGreater(psnr, 56)  # codes of 8 bits differ by 58.9 dB from unrounded ones
+
+    def test_the_picture_of_a_grid_agrees(self) -> None:
+        self.compare_pictures(self.take)
+        self.compare_pictures(self.take, min)
+
+    def test_the_picture_of_an_exact_grid_agrees(self) -> None:
+        take = self.simulate("exact", "--mounting-mm", 0, "--seed", 5)
+        self.compare_pictures(take)
+        self.compare_pictures(take, min)  # every cell is a square: both diagonals are equally long
+
+    def test_the_picture_of_an_array_without_a_grid_agrees(self) -> None:
+        scattered = self.copy("scattered")
+        rig = json.loads((scattered / "rig.json").read_text())
+        rig["topology"] = "delaunay"
+        (scattered / "rig.json").write_text(json.dumps(rig))
+        self.compare_pictures(scattered)
+
+
+if __name__ == "__main__":
+    unittest.main()

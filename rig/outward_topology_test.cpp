@@ -130,7 +130,10 @@ TEST(OutwardTopology, ARingIsClosedByStrips) {
 TEST(OutwardTopology, OtherArraysHaveNone) {
   const Vector3d ahead = -Vector3d::UnitZ();
   std::vector<Vector3d> grid, inwards = spiral(30, -1), towards;
-  for (int i = 0; i < 16; ++i) grid.emplace_back(0.1 * (i % 4), 0.1 * (i / 4), 0.002 * (i % 3));
+  for (int i = 0; i < 16; ++i) {
+    const int row = i / 4;
+    grid.emplace_back(0.1 * (i % 4), 0.1 * row, 0.002 * (i % 3));
+  }
   EXPECT_FALSE(outward_topology(grid, std::vector<Vector3d>(16, ahead)));
   for (const Vector3d& centre : inwards) towards.push_back(-centre);
   EXPECT_FALSE(outward_topology(inwards, towards)) << "about a stage";

@@ -216,8 +216,9 @@ int visible_cells(const rig::CameraModel& lens) {
   if (lens.fisheye() == nullptr) return kCells * kCells;
   int visible = 0;
   for (int cell = 0; cell < kCells * kCells; ++cell) {
-    const Eigen::Vector2d middle((cell % kCells + 0.5) * lens.width() / kCells,
-                                 (cell / kCells + 0.5) * lens.height() / kCells);
+    const int column = cell % kCells, row = cell / kCells;
+    const Eigen::Vector2d middle((column + 0.5) * lens.width() / kCells,
+                                 (row + 0.5) * lens.height() / kCells);
     visible += lens.unproject(middle) ? 1 : 0;
   }
   return std::max(visible, 1);

@@ -161,7 +161,9 @@ TEST(FisheyeArrays, ArePlacedByBoards) {
   const rig::CameraModel model = testing::fisheye_model(test.lens);
   std::vector<rig::Pose> poses(3);
   BoardObjectPoints corners;
-  for (int i = 0; i < 54; ++i) corners.emplace_back(0.03 * (i % 9), 0.03 * (i / 9));
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 9; ++column) corners.emplace_back(0.03 * column, 0.03 * row);
+  }
   Detections detections;
   for (std::size_t c = 0; c < poses.size(); ++c) {
     poses[c].position = {0.15 * (static_cast<double>(c) - 1), 0.02 * static_cast<double>(c), 0};

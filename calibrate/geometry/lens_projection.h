@@ -58,7 +58,8 @@ Eigen::Matrix<T, 2, 1> project_to_pixel(const Eigen::Matrix<T, 3, 1>& in_camera,
     u = x * factor + T(2) * p1 * x * y + p2 * (s + T(2) * x * x);
     v = y * factor + p1 * (s + T(2) * y * y) + T(2) * p2 * x * y;
   } else {
-    const T x = in_camera.x(), y = -in_camera.y(), ahead = -in_camera.z();
+    const T& x = in_camera.x();
+    const T y = -in_camera.y(), ahead = -in_camera.z();
     const T across2 = x * x + y * y;
     // Near the axis all projections are alike to the last digit, and the angle has no derivative.
     constexpr double kNearAxis = 1e-16;  // angle squared

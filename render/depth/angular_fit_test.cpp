@@ -99,7 +99,8 @@ template <class Light>
 std::vector<AngularSample> grid_that_sees(const Light& light) {
   std::vector<AngularSample> samples;
   for (int i = 0; i < 16; ++i) {
-    const double x = i % 4 - 1.4, y = i / 4 - 1.6;
+    const int row = i / 4;
+    const double x = i % 4 - 1.4, y = row - 1.6;
     const double weight = 0.06 / (0.4 + std::hypot(x, y));
     const double code = light(x, y, weight);
     samples.push_back({x, y, weight, 1, {code, code / 2, 100}});

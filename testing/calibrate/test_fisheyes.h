@@ -84,8 +84,8 @@ calibrate::CameraBoardViews simulate_boards_with(const FisheyeCase& test, int vi
     calibrate::BoardView view;
     view.frame = static_cast<int>(result.views.size());
     for (int i = 0; i < board.columns * board.rows; ++i) {
-      const Eigen::Vector2d corner(board.square * (i % board.columns),
-                                   board.square * (i / board.columns));
+      const int column = i % board.columns, row = i / board.columns;
+      const Eigen::Vector2d corner(board.square * column, board.square * row);
       const Eigen::Vector3d from_middle(corner.x() - board.square * (board.columns - 1) / 2,
                                         -corner.y() + board.square * (board.rows - 1) / 2, 0);
       const Eigen::Vector3d in_camera = distance * towards + camera_from_board * from_middle;
@@ -126,12 +126,13 @@ inline SyntheticArray make_fisheye_array(const FisheyeCase& test, int points, do
   result.lens = test.lens;
   result.lights = lights;
   for (int i = 0; i < 9; ++i) {
+    const int column = i % 3 - 1, row = i / 3 - 1;
     rig::Pose pose;
-    pose.position = Eigen::Vector3d(0.2 * (i % 3 - 1), 0.2 * (i / 3 - 1), 0) +
+    pose.position = Eigen::Vector3d(0.2 * column, 0.2 * row, 0) +
                     0.01 * Eigen::Vector3d(normal(random), normal(random), normal(random));
     pose.world_from_camera_rotation =
-        (Eigen::AngleAxisd(-0.35 * (i % 3 - 1) + 0.05 * normal(random), Eigen::Vector3d::UnitY()) *
-         Eigen::AngleAxisd(0.35 * (i / 3 - 1) + 0.05 * normal(random), Eigen::Vector3d::UnitX()) *
+        (Eigen::AngleAxisd(-0.35 * column + 0.05 * normal(random), Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(0.35 * row + 0.05 * normal(random), Eigen::Vector3d::UnitX()) *
          Eigen::AngleAxisd(0.1 * normal(random), Eigen::Vector3d::UnitZ()))
             .toRotationMatrix();
     result.poses.push_back(pose);

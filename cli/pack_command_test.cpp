@@ -90,8 +90,9 @@ TEST_F(PackCommandTest, AKilledCommandLeavesTheSourceAndNoTarget) {
   fs::copy(path("take"), path("before"), fs::copy_options::recursive);
   int killed = 0;
   for (int wait = 0; wait < 40; wait += 4) {
-    std::vector<std::string> words{RAYSTAGE_BIN_DIR "/raystage-pack", path("take").string(), "-o",
-                                   path("packed").string(), "-q"};
+    const std::string program = std::string(RAYSTAGE_BIN_DIR) + "/raystage-pack";
+    std::vector<std::string> words{program, path("take").string(), "-o", path("packed").string(),
+                                   "-q"};
     std::vector<char*> argv;
     for (std::string& word : words) argv.push_back(word.data());
     argv.push_back(nullptr);

@@ -18,7 +18,7 @@ namespace {
 
 /// Root mean square differences, in units of noise, from which on the fit counts, and counts fully.
 constexpr double kLeastRatio = 1.75, kFullRatio = 2.15;
-/// Noise that is always assumed, codes of 255: rounding, and differences that nobody sees.
+/// Noise that is always assumed, codes of 255: rounding, and differences too small to see.
 constexpr double kLeastNoise = 0.3;
 
 int angular_cells(int pixels) {

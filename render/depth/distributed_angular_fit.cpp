@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits a view of several hosts over the positions of the cameras (angular_fit.cpp). Host 0 gathers
-// the samples of the rows that are measured, decides where the fit counts and tells the others;
-// then it gathers the samples of these pixels and fits them. It thus computes from the same values
-// in the same order as one host alone. Traffic: six floats per camera and pixel, of one row in
-// eight and of what is fitted.
+// the samples of the rows that are measured, decides where the fit counts and sends this to the
+// others; then it gathers the samples of these pixels and fits them. It thus computes from the same
+// values in the same order as one host alone. Traffic: six floats per camera and pixel, of one row
+// in eight and of what is fitted.
 #include "render/depth/distributed_angular_fit.h"
 
 #include <algorithm>

@@ -172,6 +172,7 @@ void check_frame_range(const JsonNode& object, int first, int last) {
 ShotDocument parse_shot(std::string_view text, std::string_view name) {
   const auto [json, version] = parse_versioned_document("shot", text, name);
   ShotDocument shot;
+  if (version < 3) shot.output.compression = "piz";  // the default until then
   shot_fields(version).read(JsonNode{json, name, ""}, shot);
   if (version == 2) count_gltf_time_from_zero(shot);
   if (version < 3) keep_meshes_of_version_two(shot);

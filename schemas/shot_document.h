@@ -201,7 +201,7 @@ struct ShotDocument {
     std::string working_space = "lin_rec709_scene";
   };
   struct Output {
-    std::string compression = "piz";  ///< none | rle | zips | zip | piz
+    std::string compression = "zip";  ///< none | rle | zips | zip | piz
     std::string data_compression;     ///< of data parts; empty: same as `compression`
     /// standard | single | nuke; empty: single with Cryptomatte, else standard.
     std::string layout;

@@ -172,6 +172,17 @@ TEST(ShotCameraDocument, VersionOneIsReadAndWrittenAsTheNewest) {
   EXPECT_THAT(refusal(old), HasSubstr("#/camera/0/roll_deg"));
 }
 
+TEST(ShotDocument, CompressionWasPizBeforeVersionThree) {
+  json document = shot_of_today();
+  document.erase("output");
+  EXPECT_EQ(parse_shot(document.dump(), "f").output.compression, "zip");
+  document["schema"] = "raystage/shot/2";
+  ShotDocument shot = parse_shot(document.dump(), "f");
+  EXPECT_EQ(shot.output.compression, "piz");
+  shot = parse_shot(format_shot(shot), "f");  // written as version 3 it stays
+  EXPECT_EQ(shot.output.compression, "piz");
+}
+
 TEST(ShotCameraDocument, TimeOfGltfBeganWithTheShotInVersionTwo) {
   json old = shot_of_today();
   old["schema"] = "raystage/shot/2";

@@ -35,7 +35,7 @@ struct ExrMetadata {
   /// omitted if the key is empty.
   std::string cryptomatte_key, cryptomatte_name, cryptomatte_manifest;
   ExrLayout layout = ExrLayout::kStandard;
-  std::string compression = "piz";  ///< of colours: none | rle | zips | zip | piz
+  std::string compression = "zip";  ///< of colours: none | rle | zips | zip | piz
   std::string data_compression;     ///< of parts that hold data only; empty: the same
   /// Of colours: `colorInteropID` (ASWF ColorInterop), name of the colour space, and its config;
   /// the last two are omitted if empty.

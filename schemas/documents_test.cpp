@@ -14,6 +14,7 @@
 #include "schemas/array_specification.h"
 #include "schemas/bench_document.h"
 #include "schemas/import_manifest.h"
+#include "schemas/imported_depths_document.h"
 #include "schemas/planes_document.h"
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
@@ -96,6 +97,26 @@ json good(const std::string& kind) {
         {{"id", "sail"}, {"corners", {{640, 0, -3}, {1, 0.1, -3}, {1, 2, -4}}}}};
     return document;
   }
+  if (kind == "imported_depths") {
+    document["imports"] = {{{"utc", "2026-01-01T00:00:00Z"},
+                            {"by", "raystage"},
+                            {"folder", "/maps"},
+                            {"encoding", "EXR, planar depth, 1 m a unit"}}};
+    const json map{{"frame", 0},
+                   {"frame_xxh3", "0123456789abcdef"},
+                   {"file", "a/000000.0123456789abcdef.zst"},
+                   {"quantity", "inverse_depth"},
+                   {"width", 640},
+                   {"height", 480},
+                   {"unknown_share", 0.25},
+                   {"import", 0},
+                   {"source", "a/000001.exr"},
+                   {"source_sha256", std::string(64, 'a')}};
+    document["cameras"] = {{{"id", "a"}, {"maps", {map, map}}},
+                           {{"id", "b"}, {"maps", json::array()}}};
+    document["cameras"][0]["maps"][1].update({{"frame", 7}, {"quantity", "inverse_distance"}});
+    return document;
+  }
   if (kind == "views") {
     document["color_space"] = "srgb_texture";
     document["views"] = {camera("a", 0), camera("b", 0.1)};
@@ -142,6 +163,9 @@ std::string rewritten(const std::string& kind, const std::string& text) {
   if (kind == "array_specification") {
     return format_array_specification(parse_array_specification(text, "f.json"));
   }
+  if (kind == "imported_depths") {
+    return format_imported_depths(parse_imported_depths(text, "f.json"));
+  }
   if (kind == "planes") return format_planes(parse_planes(text, "f.json"));
   if (kind == "views") return format_views(parse_views(text, "f.json"));
   return format_import_manifest(parse_import_manifest(text, "f.json"));
@@ -161,7 +185,7 @@ std::string refusal(const std::string& kind, const json& document) {
 class EveryDocument : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryDocument,
                          ::testing::Values("rig", "take", "shot", "import", "views", "bench",
-                                           "planes", "array_specification"));
+                                           "planes", "array_specification", "imported_depths"));
 
 TEST_P(EveryDocument, ComesBackTheSame) {
   const std::string once = rewritten(GetParam(), good(GetParam()).dump());

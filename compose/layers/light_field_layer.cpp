@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "render/automatic/automatic.h"
 #include "render/methods.h"
+#include "schemas/imported_depths_document.h"
 #include "store/exact_frames.h"
 
 namespace raystage::compose {
@@ -462,6 +463,8 @@ std::string LightFieldLayer::common_fingerprint() const {
   print.text("fill", reconstruction_.fill == schemas::HoleFill::kPushPull ? "push_pull" : "none");
   print.text("take", read_file(take_.file("take.json")));
   print.text("rig", read_file(take_.file("rig.json")));
+  const ContainedPath imported = take_.file(schemas::ImportedDepthsDocument::kFile);
+  if (file_exists(imported.path())) print.text("imported depths", read_file(imported));
   if (matte_) {
     print.text("matte", schemas::format_matte(*layer_.matte));
     print.text("matte from", matte_->sources());

@@ -22,6 +22,7 @@
 #include "render/depth/distributed.h"
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/fusion.h"
+#include "render/depth/imported_depths.h"
 #include "render/depth/temporal_filter.h"
 #include "render/depth/temporal_motion.h"
 #include "render/depth/warp.h"
@@ -137,9 +138,17 @@ std::shared_ptr<const NotedDepths> camera_depths(
       depth_cache_key(instant, estimation), [&](std::size_t& bytes) {
         auto kept = std::make_shared<NotedDepths>();
         std::string note;
-        kept->depths =
-            load_or_estimate_camera_depths(instant, estimation, working_bytes, stores_depths, note);
-        kept->notes = depth_notes(kept->depths, instant, estimation);
+        const auto imported = ImportedDepths::of(*instant.take, result_cache);
+        if (imported->covers(instant, estimation.regions)) {
+          kept->depths = camera_depths_without_maps(instant, estimation);
+        } else {
+          kept->depths = load_or_estimate_camera_depths(instant, estimation, working_bytes,
+                                                        stores_depths, note);
+          kept->notes = depth_notes(kept->depths, instant, estimation);
+        }
+        if (imported->replace(instant, estimation, kept->depths)) {
+          kept->notes.emplace_back(kImportedDepthsNote);
+        }
         if (!note.empty()) kept->notes.push_back(note);
         kept->depths.compute_block_nearest();
         bytes = kept->depths.bytes();
@@ -431,6 +440,7 @@ class DepthMethod final : public Method {
     depth::DepthViewOptions settings = depth::settings_of(options, *instant.take, true);
     if (!settings.stores_depths) return {};
     settings.estimation.regions = depth::regions_of(settings, instant);
+    if (ImportedDepths(*instant.take).covers(instant, settings.estimation.regions)) return {};
     return depth_file_path(instant.derived_folder(), depth_store_key(instant, settings.estimation));
   }
   StoreResult store(const MethodOptions& options, const LightFieldFrame& whole,

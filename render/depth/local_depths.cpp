@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "render/depth/depth_file.h"
+#include "render/depth/imported_depths.h"
 
 namespace raystage::render::depth {
 namespace {
@@ -56,6 +57,11 @@ std::shared_ptr<const NotedDepths> local_depths(const ViewRequest& request,
       estimate_local_depths(request.instant, options.estimation, request.working_bytes, group);
   for (InverseDepthMap& map : made->depths.maps) quantise_depths(map);
   made->notes = depth_notes(made->depths, request.instant, options.estimation);
+  // All hosts estimate, as they must do it together, whatever maps each of them can read.
+  const auto imported = ImportedDepths::of(*request.instant.take, request.result_cache);
+  if (imported->replace(request.instant, options.estimation, made->depths)) {
+    made->notes.emplace_back(kImportedDepthsNote);
+  }
   made->depths.compute_block_nearest();
   recent->add(key, made);
   return made;

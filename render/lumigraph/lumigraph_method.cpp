@@ -14,6 +14,7 @@
 #include "render/depth/depth.h"
 #include "render/depth/depth_store.h"
 #include "render/depth/depth_surface.h"
+#include "render/depth/imported_depths.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/lumigraph/mesh_proxy.h"
 #include "store/scene_depth_range.h"
@@ -174,9 +175,10 @@ class LumigraphMethod final : public Method {
   std::filesystem::path stored_file(const MethodOptions& options,
                                     const LightFieldFrame& instant) const override {
     if (options.text("proxy") != "depth") return {};
-    return depth_file_path(
-        instant.derived_folder(),
-        depth_store_key(FacetedFrame(instant).frame(), default_depth_options(*instant.take)));
+    const FacetedFrame facets(instant);
+    if (ImportedDepths(*instant.take).covers(facets.frame(), {})) return {};
+    return depth_file_path(instant.derived_folder(),
+                           depth_store_key(facets.frame(), default_depth_options(*instant.take)));
   }
   StoreResult store(const MethodOptions& /*options*/, const LightFieldFrame& instant,
                     std::size_t working_bytes) const override {

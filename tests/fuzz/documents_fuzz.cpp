@@ -15,6 +15,7 @@
 #include "schemas/farm_job_document.h"
 #include "schemas/farm_records.h"
 #include "schemas/import_manifest.h"
+#include "schemas/imported_depths_document.h"
 #include "schemas/planes_document.h"
 #include "schemas/record_config.h"
 #include "schemas/recording_document.h"
@@ -60,7 +61,7 @@ void read_offsets(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 18) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 19) {
     case 0:
       round_trip(text, raystage::schemas::parse_rig, raystage::schemas::format_rig);
       break;
@@ -116,6 +117,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 17:
       round_trip(text, raystage::schemas::parse_array_specification,
                  raystage::schemas::format_array_specification);
+      break;
+    case 18:
+      round_trip(text, raystage::schemas::parse_imported_depths,
+                 raystage::schemas::format_imported_depths);
       break;
     case 5:
     default:

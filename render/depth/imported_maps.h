@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "render/depth/inverse_depth_map.h"
+#include "schemas/imported_depths_document.h"
+#include "store/take.h"
+
+namespace raystage::render {
+
+/// The largest imported map, pixels.
+inline constexpr std::size_t kMaxImportedPixels = std::size_t{1} << 26;
+
+/// Returns what a take states of its imported depth maps (docs/formats/depth.md); empty if it has
+/// none. Throws Error (bad input) if the document is damaged.
+schemas::ImportedDepthsDocument read_imported_depths(const store::Take& take);
+
+/// Returns the XXH3-64 of a frame's JPEG, as ImportedDepthsDocument::Map states it.
+std::string imported_frame_xxh3(const store::Take& take, int camera, int frame);
+
+/// Returns the bytes of the file of an imported map, an inverse depth or distance in the pixels of
+/// the recorded picture. `frame_xxh3`: of the frame to which it belongs.
+std::vector<std::byte> encode_imported_map(const InverseDepthMap& map,
+                                           const std::string& frame_xxh3);
+/// Returns an imported map of a take. Throws Error (bad input) if the file is missing or damaged,
+/// or if it belongs to another frame.
+InverseDepthMap read_imported_map(const store::Take& take, int camera,
+                                  const schemas::ImportedDepthsDocument::Map& map);
+
+}  // namespace raystage::render

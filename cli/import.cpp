@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage import: makes a take from images or movies with cameras.
+// raystage import: makes a take from images or movies with cameras, or stores depth maps in a take.
 #include <fmt/format.h>
 
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -17,10 +18,12 @@
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
 #include "cli/threads.h"
+#include "depths/import_depths.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
 #include "raystage_version.h"
 #include "schemas/rig_document.h"
+#include "store/take.h"
 
 namespace {
 
@@ -29,7 +32,8 @@ using namespace raystage::cli;
 using Chroma = store::JpegEncodeOptions::Chroma;
 
 constexpr const char* kDescription =
-    "Makes a take from images or movies.\n\n"
+    "Makes a take from images or movies, or with --depth stores depth maps made elsewhere in a\n"
+    "take.\n\n"
     "MANIFEST is one of\n"
     "  an import manifest   JSON with \"schema\": \"raystage/import/1\": cameras with intrinsics,\n"
     "                       poses, and image files with times or a movie\n"
@@ -42,7 +46,12 @@ constexpr const char* kDescription =
     "JPEG files and Motion JPEG movies are stored byte for byte. Other images and movies are\n"
     "encoded once. 16-bit images are rounded to 8 bits. Images of linear light (float, or\n"
     "manifest with color_space lin_rec709_scene) are clipped to [0, 1] and stored as sRGB codes;\n"
-    "floating-point images without that color_space are rejected.";
+    "floating-point images without that color_space are rejected.\n\n"
+    "With --depth TAKE it is a folder of depth maps: CAMERA/000001.exr or .png, or CAMERA.exr or\n"
+    ".png if the take is a still light field. EXR files hold metres; PNG files hold codes of 16\n"
+    "bits, for which --depth-near or --depth-unit is needed. 0, infinity and NaN are unknown\n"
+    "depths. Maps cover the whole recorded pictures, with their lens distortion, at any\n"
+    "resolution. depth, lumigraph on depths and merging use them in place of estimated depths.";
 
 struct Options {
   std::filesystem::path manifest, take;
@@ -52,12 +61,66 @@ struct Options {
   std::optional<double> fps;
   int threads = 0;
   bool quiet = false, rig_only = false;
+
+  // Of depth maps.
+  std::filesystem::path depth_take;
+  std::string depth_channel;
+  std::optional<double> depth_unit, depth_near, depth_far;
+  depths::MapNumbers depth_numbers = depths::MapNumbers::kTicks;
+  render::DepthQuantity depth_quantity = render::DepthQuantity::kPlanar;
+  bool depth_overwrites = false;
 };
+
+/// Options of depth maps, which are rejected without --depth.
+void declare_depth(CommandLine command, Options& options) {
+  command.option("--depth TAKE", options.depth_take,
+                 "Store depth maps in this take instead of making one");
+  command
+      .choice("--depth-kind KIND", options.depth_quantity,
+              {{"planar", render::DepthQuantity::kPlanar},
+               {"distance", render::DepthQuantity::kDistance}},
+              "planar: depth along the camera's axis; distance: from the camera's centre (default: "
+              "planar)")
+      .needs("--depth");
+  command
+      .option("--depth-channel NAME", options.depth_channel,
+              "EXR channel of the depths (default: Z)")
+      .needs("--depth");
+  command
+      .option("--depth-unit M", options.depth_unit,
+              "Metres of the value 1, e.g. 0.001 for PNG files of depth cameras in millimetres "
+              "(default: 1 for EXR files)")
+      .positive()
+      .needs("--depth");
+  command
+      .option("--depth-near M", options.depth_near,
+              "PNG codes are inverse depths, as MPEG's tools write them: depth of code 65535, "
+              "metres; code 0 is unknown")
+      .positive()
+      .needs("--depth")
+      .excludes("--depth-unit");
+  command
+      .option("--depth-far M", options.depth_far,
+              "The same: depth that code 0 would have, metres (default: infinity)")
+      .positive()
+      .needs("--depth-near");
+  command
+      .choice("--depth-numbers BY", options.depth_numbers,
+              {{"ticks", depths::MapNumbers::kTicks}, {"recorded", depths::MapNumbers::kRecorded}},
+              "What 000001 counts: ticks of the timeline, as the frames of shots and of exports at "
+              "constant times; or the recorded frames of the camera (default: ticks)")
+      .needs("--depth");
+  command
+      .choice("--depth-existing WHAT", options.depth_overwrites,
+              {{"error", false}, {"overwrite", true}},
+              "If the take has an imported map of a frame already (default: error)")
+      .needs("--depth");
+}
 
 void declare(CommandLine& command, Options& options) {
   command.option("MANIFEST", options.manifest, "Manifest, model or folder").required();
-  command.option("-o,--output TAKE", options.take, "Folder of the new take; must not exist")
-      .required();
+  command.option("-o,--output TAKE", options.take,
+                 "Folder of the new take; must not exist. Required without --depth");
   command.flag(
       "--rig-only", options.rig_only,
       "Write only the cameras, without pictures: the output is a rig (rig.json) instead of "
@@ -80,6 +143,7 @@ void declare(CommandLine& command, Options& options) {
       .option("--fps F", options.fps,
               "Nominal rate of another program's model, Hz (default: that of its movies, else 24)")
       .range(1e-3, 1e6);
+  declare_depth(command.group("Depth maps"), options);
   add_threads_option(command, options.threads);
   add_sandbox_option(command);
   add_follow_links_option(command);
@@ -125,7 +189,41 @@ void write_rig_only(const schemas::ImportManifest& manifest, const std::filesyst
   print("{}: a rig with {} cameras\n", file.string(), rig.cameras.size());
 }
 
+ExitCode run_depth_import(const Options& options, const std::stop_token& stop) {
+  if (!options.take.empty() || options.rig_only) {
+    throw Error::bad_input("depth maps are stored in the take of --depth, not in a new one",
+                           options.rig_only ? "--rig-only" : "--output", "Omit this option");
+  }
+  depths::DepthImportOptions settings;
+  settings.encoding.quantity = options.depth_quantity;
+  settings.encoding.unit_m = options.depth_unit;
+  settings.encoding.channel = options.depth_channel;
+  if (options.depth_near) {
+    settings.encoding.inverse_range = schemas::DepthRange{
+        *options.depth_near, options.depth_far.value_or(std::numeric_limits<double>::infinity())};
+  }
+  settings.numbers = options.depth_numbers;
+  settings.overwrites = options.depth_overwrites;
+  settings.created_by = "raystage " RAYSTAGE_VERSION;
+  const store::Take take(options.depth_take);
+  Progress progress(!options.quiet);
+  settings.progress = [&](double done) { progress.report(done); };
+  return run_with_threads(options.threads, [&] {
+    const auto report = depths::import_depths(take, options.manifest, settings, stop);
+    for (const std::string& note : report.notes) print_error("note: {}\n", note);
+    constexpr double kPercent = 100;
+    print("{}: {} depth maps of {} cameras ({} replaced), {:.1f} % of the pixels unknown\n",
+          options.depth_take.string(), report.maps, report.cameras, report.replaced,
+          kPercent * report.unknown_share);
+    return ExitCode::kSuccess;
+  });
+}
+
 ExitCode run(const Options& options, std::stop_token stop) {
+  if (!options.depth_take.empty()) return run_depth_import(options, stop);
+  if (options.take.empty()) {
+    throw Error::bad_input("the new take is not given", "--output", "Give its folder: -o TAKE");
+  }
   ingest::ModelImportOptions model;
   if (!options.images.empty()) model.images = options.images;
   model.epoch_utc = parse_utc(options.epoch);

@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "depths/import_depths.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "depths/depth_image.h"
+#include "images/image_file.h"
+#include "render/common/image_quality.h"
+#include "render/depth/imported_maps.h"
+#include "testing/render/test_depth.h"
+
+namespace raystage::depths {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using Document = schemas::ImportedDepthsDocument;
+
+/// Returns the distance to the scene of DepthTest::step_edge().
+double step_distance(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+  const testing::Plane& plane =
+      testing::hits_wall(from, direction) ? testing::kFront : testing::kBack;
+  return plane.distance(from, direction);
+}
+
+/// Returns the true planar depths of a camera at a resolution, in its recorded pixels.
+std::vector<float> true_depths(const rig::Rig::Camera& camera, int width, int height) {
+  std::vector<float> z;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const auto ray = camera.model.unproject(
+          {(x + 0.5) * camera.model.width() / width, (y + 0.5) * camera.model.height() / height});
+      if (!ray) {
+        z.push_back(0);
+        continue;
+      }
+      const Eigen::Vector3d direction = camera.pose.world_from_camera_rotation * *ray;
+      z.push_back(static_cast<float>(step_distance(camera.pose.position, direction) * -ray->z()));
+    }
+  }
+  return z;
+}
+
+class ImportDepths : public testing::DepthTest {
+ protected:
+  fs::path maps() const { return folder_.path() / "maps"; }
+  /// Writes the true depths of all cameras.
+  void write_maps(const store::Take& take, bool as_png = false, int divisor = 1) const {
+    for (std::size_t i = 0; i < take.rig().cameras.size(); ++i) {
+      const rig::Rig::Camera& camera = take.rig().cameras[i];
+      const int width = camera.model.width() / divisor, height = camera.model.height() / divisor;
+      const std::vector<float> z = true_depths(camera, width, height);
+      const fs::path folder = maps() / take.document().cameras[i].id;
+      create_folder(folder);
+      if (!as_png) {
+        images::write_depth_image(width, height, z, folder / "000001.exr");
+        continue;
+      }
+      render::InverseDepthMap map(width, height);
+      std::ranges::transform(z, map.values.begin(), [](float depth) { return 1 / depth; });
+      write_file_atomically(folder / "000001.png", encode_depth_png(map, kRange, "a map"));
+    }
+  }
+  static store::Take reopened(const store::Take& take) { return store::Take(take.folder()); }
+  static const schemas::Distortion& barrel() {
+    static const schemas::Distortion kBarrel{-0.2, 0.05, 0.001, -0.001, 0};
+    return kBarrel;
+  }
+  store::Take write_step(int rows, int columns, const schemas::Distortion& distortion = {}) {
+    settings_ = step_edge(rows, columns);
+    settings_.cameras = testing::camera_grid(rows, columns, 0.1, 96, 72, distortion);
+    settings_.samples = 3;
+    return write(settings_);
+  }
+  /// Returns the PSNR of a view by a method against the scene, dB.
+  double quality(const store::Take& take, const render::ReconstructionOptions& how) const {
+    schemas::CameraGeometry geometry = settings_.cameras[0];
+    geometry.intrinsics.distortion = {};
+    geometry.world_from_camera = settings_.cameras[0].world_from_camera;
+    render::VirtualCamera view = render::virtual_camera_from_geometry(geometry);
+    view.pose.position = Eigen::Vector3d(0.04, 0.03, 0);
+    view.pose.world_from_camera_rotation.setIdentity();
+    schemas::CameraGeometry at_view = geometry;
+    at_view.world_from_camera = {1, 0, 0, 0.04, 0, 1, 0, 0.03, 0, 0, 1, 0, 0, 0, 0, 1};
+    const render::RenderedView image = render_reconstruction(take, view, how, {}, 0);
+    return render::compare_images(render::srgb_image(image),
+                                  testing::render_camera_image(at_view, settings_),
+                                  render::coverage_mask(image))
+        .psnr_db;
+  }
+  std::string refusal(const store::Take& take, const DepthImportOptions& options = {}) const {
+    try {
+      import_depths(take, maps(), options, {});
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput) << error.what();
+      return error.what();
+    }
+    return "accepted";
+  }
+  static std::size_t stored_maps(const store::Take& take) {
+    std::size_t count = 0;
+    std::error_code none;
+    for (const auto& entry :
+         fs::recursive_directory_iterator(take.folder() / Document::kFolder, none)) {
+      if (entry.path().extension() == ".zst") ++count;
+    }
+    return count;
+  }
+  static DepthImportOptions png_options() {
+    DepthImportOptions options;
+    options.encoding.inverse_range = kRange;
+    return options;
+  }
+
+  static constexpr schemas::DepthRange kRange{1.5, 9};
+  testing::SyntheticTake settings_;
+};
+
+TEST_F(ImportDepths, TrueDepthsRenderAtLeastAsWellAsEstimatedOnes) {
+  const store::Take take = write_step(3, 3, barrel());
+  const render::ReconstructionOptions depth{"depth", {0, 0, 0, 1}, {}};
+  const render::ReconstructionOptions lumigraph{
+      "lumigraph", {0, 0, 0, 1}, {{"proxy", std::string("depth")}}};
+  const double estimated = quality(take, depth), estimated_surface = quality(take, lumigraph);
+  const auto before = stored_depth_files();
+  for (const bool as_png : {false, true}) {
+    fs::remove_all(maps());
+    write_maps(take, as_png);
+    DepthImportOptions options = as_png ? png_options() : DepthImportOptions{};
+    options.overwrites = as_png;
+    const DepthImportReport report = import_depths(take, maps(), options, {});
+    EXPECT_EQ(report.maps, 9U);
+    EXPECT_EQ(report.replaced, as_png ? 9U : 0U);
+    EXPECT_TRUE(report.notes.empty());
+    EXPECT_EQ(stored_maps(take), 9U);
+    EXPECT_GE(quality(take, depth), estimated);
+    EXPECT_GE(quality(take, lumigraph), estimated_surface);
+  }
+  // Neither are depths estimated, nor are those that were touched.
+  EXPECT_EQ(stored_depth_files(), before);
+  EXPECT_THAT(render(take, testing::default_view()).notes,
+              Contains(HasSubstr("imported depth maps")));
+}
+
+TEST_F(ImportDepths, AMapComesBackAndUnknownDepthsStayUnknown) {
+  const store::Take take = write_step(1, 2);
+  write_maps(take);
+  std::vector<float> z = true_depths(take.rig().cameras[0], 96, 72);
+  for (const std::size_t hole : {0U, 100U, 5000U}) z[hole] = std::nanf("");
+  const std::string& id = take.document().cameras[0].id;
+  images::write_depth_image(96, 72, z, maps() / id / "000001.exr");
+  EXPECT_GT(import_depths(take, maps(), {}, {}).unknown_share, 0);
+  const Document document = render::read_imported_depths(take);
+  const Document::Map* entry = document.find(id, 0);
+  ASSERT_NE(entry, nullptr);
+  EXPECT_EQ(entry->quantity, Document::Quantity::kInverseDepth);
+  EXPECT_EQ(entry->source, id + "/000001.exr");
+  EXPECT_NEAR(entry->unknown_share, 3 / (96.0 * 72), 1e-9);
+  EXPECT_EQ(document.imports.at(0).encoding, "EXR, channel Z, planar depth, 1 m a unit");
+  const render::InverseDepthMap map = render::read_imported_map(take, 0, *entry);
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    if (std::isnan(z[i])) {
+      EXPECT_EQ(map.values[i], render::kUnknownDepth);
+    } else {
+      ASSERT_NEAR(map.values[i], 1 / z[i], 1e-5);
+    }
+  }
+  EXPECT_EQ(document.find(id, 1), nullptr);
+  EXPECT_EQ(document.find("other", 0), nullptr);
+}
+
+TEST_F(ImportDepths, MapsOfOtherSizesAreNotBlendedAcrossEdges) {
+  const store::Take take = write_step(3, 3, barrel());
+  const double estimated = quality(take, {"depth", {0, 0, 0, 1}, {}});
+  write_maps(take, false, 2);
+  EXPECT_EQ(import_depths(take, maps(), {}, {}).maps, 9U);
+  EXPECT_GT(quality(take, {"depth", {0, 0, 0, 1}, {}}), estimated - 1.5);
+  const rig::CameraModel& model = take.rig().cameras[0].model;
+  const render::VirtualCamera pinhole = render::undistorted(model, take.rig().cameras[0].pose);
+  render::InverseDepthMap step(48, 36);
+  for (int y = 0; y < 36; ++y) {
+    for (int x = 0; x < 48; ++x) step.at(x, y) = x < 24 ? 0.4F : 0.2F;
+  }
+  const render::InverseDepthMap whole =
+      render::undistorted_depths(step, render::DepthQuantity::kPlanar, model, pinhole, 0.1F);
+  std::set<float> found(whole.values.begin(), whole.values.end());
+  found.erase(render::kUnknownDepth);
+  EXPECT_EQ(found, (std::set<float>{0.2F, 0.4F}));
+}
+
+TEST_F(ImportDepths, NamesWhatIsWrong) {
+  const store::Take take = write_step(1, 2);
+  const std::string id = take.document().cameras[0].id;
+  create_folder(maps());
+  EXPECT_THAT(refusal(take), HasSubstr("no depth maps of the take's frames"));
+  write_maps(take);
+  fs::rename(maps() / id, maps() / "cam7");
+  EXPECT_THAT(refusal(take), AllOf(HasSubstr("no camera \"cam7\""), HasSubstr(id)));
+  fs::rename(maps() / "cam7", maps() / id);
+  fs::copy_file(maps() / id / "000001.exr", maps() / id / "000002.exr");
+  EXPECT_THAT(refusal(take), HasSubstr("there is no frame 2"));
+  fs::rename(maps() / id / "000002.exr", maps() / id / "1.exr");
+  EXPECT_THAT(refusal(take), HasSubstr("are of the same frame"));
+  fs::rename(maps() / id / "1.exr", maps() / id / "first.exr");
+  EXPECT_THAT(refusal(take), HasSubstr("is no number from 1"));
+  fs::remove(maps() / id / "first.exr");
+  images::write_depth_image(96, 96, std::vector<float>(96UL * 96, 2), maps() / id / "000001.exr");
+  EXPECT_THAT(refusal(take), AllOf(HasSubstr("96x96"), HasSubstr("the shapes differ")));
+  EXPECT_EQ(stored_maps(take), 0U);
+  fs::remove_all(maps());
+  fs::create_directory_symlink("/etc", (create_folder(maps()), maps() / id));
+  EXPECT_THAT(refusal(take), HasSubstr("no depth maps"));
+}
+
+TEST_F(ImportDepths, ExistingMapsAreReplacedOnRequestOnly) {
+  const store::Take take = write_step(1, 2);
+  write_maps(take);
+  import_depths(take, maps(), {}, {});
+  const std::string list = read_file(take.file(Document::kFile));
+  EXPECT_THAT(refusal(take), HasSubstr("has an imported depth map of frame 0 of camera"));
+  EXPECT_EQ(read_file(take.file(Document::kFile)), list);
+  DepthImportOptions options;
+  options.overwrites = true;
+  options.encoding.unit_m = 1.5;
+  EXPECT_EQ(import_depths(take, maps(), options, {}).replaced, 2U);
+  EXPECT_EQ(stored_maps(take), 2U);  // the old files are gone
+  const Document document = render::read_imported_depths(take);
+  EXPECT_EQ(document.imports.size(), 1U);
+  EXPECT_THAT(document.imports[0].encoding, HasSubstr("1.5 m a unit"));
+}
+
+TEST_F(ImportDepths, ImplausibleUnitsAreNoted) {
+  const store::Take take = write_step(1, 2);
+  write_maps(take);
+  DepthImportOptions options;
+  options.encoding.unit_m = 0.001;
+  EXPECT_THAT(import_depths(take, maps(), options, {}).notes,
+              Contains(HasSubstr("far outside of the take's depth range")));
+}
+
+TEST_F(ImportDepths, ADamagedMapIsAnErrorAndNotAnEstimation) {
+  const store::Take take = write_step(2, 2);
+  write_maps(take);
+  import_depths(take, maps(), {}, {});
+  const std::string& id = take.document().cameras[1].id;
+  Document document = render::read_imported_depths(take);
+  const fs::path file = take.folder() / Document::kFolder / document.find(id, 0)->file;
+  const std::string whole = read_file(file);
+  const auto failure = [&] {
+    try {
+      render(take, testing::default_view());
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      return std::string(error.what());
+    }
+    return std::string("rendered");
+  };
+  EXPECT_EQ(failure(), "rendered");
+  write_file_atomically(file, whole.substr(0, whole.size() / 2));
+  EXPECT_THAT(failure(), AllOf(HasSubstr("damaged"), HasSubstr("import the depth maps again")));
+  fs::remove(file);
+  EXPECT_THAT(failure(), HasSubstr(file.filename().string()));
+  write_file_atomically(file, whole);
+  for (Document::Camera& camera : document.cameras) {
+    if (camera.id == id) camera.maps[0].frame_xxh3 = std::string(16, 'a');
+  }
+  schemas::write_imported_depths(document, take.folder() / Document::kFile);
+  EXPECT_THAT(failure(), HasSubstr("belongs to another picture than frame 0"));
+}
+
+TEST(RecordedDepths, GoToTheCameraWithoutDistortionAndBack) {
+  for (const bool is_fisheye : {false, true}) {
+    schemas::CameraGeometry geometry{"a", 128, 96, {}, {}, {}, {}};
+    geometry.intrinsics = {60, 60, 64, 48, {-0.2, 0.05, 0, 0, 0}};
+    if (is_fisheye) {
+      geometry.intrinsics.distortion = {};
+      geometry.intrinsics.projection = schemas::Projection::kFisheye;
+    }
+    const rig::CameraModel model(geometry);
+    const render::DepthQuantity quantity = render::stored_quantity(model);
+    EXPECT_EQ(quantity,
+              is_fisheye ? render::DepthQuantity::kDistance : render::DepthQuantity::kPlanar);
+    // A fronto-parallel plane at 2 m.
+    render::InverseDepthMap map(128, 96, 0.5F);
+    render::convert_recorded_depths(map, model, render::DepthQuantity::kPlanar, quantity);
+    const render::VirtualCamera pinhole = render::undistorted(model, {});
+    const render::InverseDepthMap whole =
+        render::undistorted_depths(map, quantity, model, pinhole, 0.05F);
+    const auto known = std::ranges::count_if(whole.values, [](float value) { return value >= 0; });
+    EXPECT_GT(known, static_cast<std::ptrdiff_t>(whole.values.size() / 3));
+    for (const float value : whole.values) {
+      if (value >= 0) ASSERT_NEAR(value, 0.5, 2e-3);
+    }
+    render::InverseDepthMap back(128, 96, render::kUnknownDepth);
+    render::add_recorded_depths(whole, pinhole, model, quantity, 0.05F, back);
+    for (int y = 8; y < 88; ++y) {
+      for (int x = 8; x < 120; ++x) ASSERT_NEAR(back.at(x, y), map.at(x, y), 2e-3);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace raystage::depths

@@ -6,12 +6,14 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <set>
 #include <vector>
 
+#include "base/atomic_file.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/follow_links_option.h"
@@ -19,6 +21,7 @@
 #include "cli/printing.h"
 #include "cli/shutter_text.h"
 #include "schemas/former_names.h"
+#include "schemas/imported_depths_document.h"
 #include "store/take_summary.h"
 
 namespace raystage::cli {
@@ -146,6 +149,94 @@ std::string resolutions(const store::TakeSummary& summary) {
   return text + " pixels";
 }
 
+using ImportedDepths = schemas::ImportedDepthsDocument;
+
+/// The depth maps of a take.
+struct DepthMaps {
+  std::size_t estimated_sets = 0, estimated = 0;  ///< sets of settings; stored light field frames
+  ImportedDepths imported;
+  std::string error;  ///< why `imported` could not be read
+
+  std::size_t imported_maps() const {
+    std::size_t count = 0;
+    for (const ImportedDepths::Camera& camera : imported.cameras) count += camera.maps.size();
+    return count;
+  }
+  double unknown_share() const {
+    double sum = 0;
+    for (const ImportedDepths::Camera& camera : imported.cameras) {
+      for (const ImportedDepths::Map& map : camera.maps) sum += map.unknown_share;
+    }
+    return sum / static_cast<double>(std::max<std::size_t>(1, imported_maps()));
+  }
+};
+
+DepthMaps depth_maps_of(const store::Take& take) {
+  namespace fs = std::filesystem;
+  DepthMaps maps;
+  std::error_code error;
+  for (fs::directory_iterator set(take.folder() / "depth", error), end; set != end;
+       set.increment(error)) {
+    if (!fs::is_directory(set->symlink_status(error))) continue;
+    std::set<std::string> instants;
+    for (fs::directory_iterator file(set->path(), error); file != end; file.increment(error)) {
+      const std::string name = file->path().filename().string();
+      if (name.ends_with(".zst") && !name.starts_with('.')) {
+        instants.insert(name.substr(0, name.find('.')));
+      }
+    }
+    if (instants.empty()) continue;
+    ++maps.estimated_sets;
+    maps.estimated += instants.size();
+  }
+  const ContainedPath list = take.file(ImportedDepths::kFile);
+  try {
+    if (file_exists(list.path())) {
+      maps.imported = schemas::parse_imported_depths(read_file(list), list.path().string());
+    }
+  } catch (const Error& failure) {
+    maps.error = failure.what();
+  }
+  return maps;
+}
+
+void print_depth_maps(const DepthMaps& maps) {
+  constexpr double kPercent = 100;
+  if (!maps.error.empty()) line("Depth maps", maps.error);
+  if (const std::size_t imported = maps.imported_maps(); imported > 0) {
+    line("Depth maps",
+         fmt::format("imported: {} of {} cameras, {:.1f} % of the pixels unknown; "
+                     "used in place of estimated ones",
+                     imported, maps.imported.cameras.size(), kPercent * maps.unknown_share()));
+    for (const ImportedDepths::Import& from : maps.imported.imports) {
+      print("  {} from {} ({})\n", format_utc(from.utc), from.folder, from.encoding);
+    }
+  }
+  if (maps.estimated > 0) {
+    line("Depth maps", fmt::format("estimated: of {} light field frames, in {} sets of settings "
+                                   "(depth/, can be deleted)",
+                                   maps.estimated, maps.estimated_sets));
+  }
+}
+
+Json json_of(const DepthMaps& maps) {
+  Json imports = Json::array();
+  for (const ImportedDepths::Import& from : maps.imported.imports) {
+    imports.push_back({{"utc", format_utc(from.utc)},
+                       {"by", from.by},
+                       {"folder", from.folder},
+                       {"encoding", from.encoding}});
+  }
+  Json json{{"estimated_frames", maps.estimated},
+            {"estimated_sets", maps.estimated_sets},
+            {"imported", maps.imported_maps()},
+            {"imported_cameras", maps.imported.cameras.size()},
+            {"imported_unknown_share", maps.unknown_share()},
+            {"imports", std::move(imports)}};
+  if (!maps.error.empty()) json["error"] = maps.error;
+  return json;
+}
+
 void print_text(const store::Take& take, const store::TakeSummary& summary) {
   const schemas::TakeDocument& document = take.document();
   const char* unit = document.arbitrary_scale ? "units" : "m";
@@ -204,6 +295,7 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
                       ? fmt::format("{:.4g} to {:.4g} {}", range.near, range.far, unit)
                       : fmt::format("{:.4g} {} to infinity", range.near, unit));
   }
+  print_depth_maps(depth_maps_of(take));
   if (summary.calibrated && summary.min_alias_free_distance > 0) {
     line("Alias-free",
          fmt::format("beyond {:.4g} {} (thesis eq. 4.3)", summary.min_alias_free_distance, unit));
@@ -289,6 +381,7 @@ void print_json(const store::Take& take, const store::TakeSummary& summary) {
     const double far = document.depth_range->far;
     json["depth_range_m"] = {document.depth_range->near, std::isfinite(far) ? Json(far) : Json()};
   }
+  json["depth_maps"] = json_of(depth_maps_of(take));
   json["timeline"] = Json();
   if (summary.timeline) {
     const auto& statistics = summary.timeline->statistics;

@@ -144,6 +144,10 @@ void add_picture_options(CommandLine command, Options& o) {
   command.option("--truth-shutter-deg", s.truth_shutter_deg,
                  "Shutter angle of the views and of the camera of shot.json, degrees, 0-360; the "
                  "exposures of the array's cameras are instants");
+  command.flag(
+      "--camera-depths", s.camera_depths,
+      "Write the true planar depths of the cameras' frames: truth/depths/CAMERA/000001.exr "
+      "is the first recorded frame, for raystage import --depth-numbers recorded");
   command.option("--shot-frames", s.shot_frames, "Frames of shot.json, 1-1000000");
 }
 

@@ -76,7 +76,8 @@ ExportReport export_images(const store::Take& take, const ImageExportOptions& op
   schemas::write_rig(exported_rig(take, choice), folder.working() / "rig.json");
   const std::string space = options.format->color_space(take);
   const auto manifest = exported_manifest(take, choice, all, space);
-  if (!manifest.cameras.empty()) {
+  // Import manifests know no other colour spaces.
+  if (!manifest.cameras.empty() && options.exr.color.is_scene_space()) {
     schemas::write_import_manifest(manifest, folder.working() / "import.json");
   }
   folder.commit();

@@ -11,9 +11,11 @@
 #include <half.h>
 
 #include <cmath>
+#include <fstream>
 
 #include "base/error.h"
 #include "base/transfer_function.h"
+#include "exports/exr_color_space.h"
 #include "rig/photometric_model.h"
 #include "schemas/import_manifest.h"
 #include "store/jpeg/decode.h"
@@ -155,6 +157,54 @@ TEST(ExportImages, ExrFilesHaveSceneLinearLightTimesAndMatrices) {
   EXPECT_THAT(info, HasSubstr("lf:captureTimeNs: \"" +
                               std::to_string(kEpoch + ExportTake::time_of(1, 2)) + "\""));
   EXPECT_THAT(info, Not(HasSubstr("coveredShare")));
+}
+
+TEST(ExportImages, ExrFilesHaveTheColourSpaceOfAConfigAsOiiotoolConvertsThem) {
+  const ExportTake data(true);
+  const store::Take take = data.take();
+  const auto config = data.out("show.ocio");
+  std::ofstream(config)
+      << "ocio_profile_version: 1\nroles:\n  default: lin_srgb\n"
+         "displays:\n  tv:\n    - !<View> {name: Raw, colorspace: lin_srgb}\n"
+         "colorspaces:\n  - !<ColorSpace>\n    name: lin_srgb\n"
+         "  - !<ColorSpace>\n    name: show\n    from_reference: !<MatrixTransform> {matrix: "
+         "[0.6, 0.3, 0.1, 0, 0.1, 0.9, 0, 0, 0, 0.2, 0.8, 0, 0, 0, 0, 1]}\n"
+         "  - !<ColorSpace>\n    name: film\n    from_reference: !<ExponentTransform> {value: "
+         "[0.5, 0.5, 0.5, 1]}\n";
+  ImageExportOptions options = constant(data.out("scene"), "exr");
+  options.frames.frames = std::vector{1};
+  export_images(take, options, {});
+  options.output = data.out("show");
+  options.exr.color = exr_color_space("show", config, "");
+  EXPECT_FALSE(options.exr.color.is_scene_space());
+  export_images(take, options, {});
+  const std::string scene = (data.out("scene") / "c1" / "000001.exr").string(),
+                    show = (data.out("show") / "c1" / "000001.exr").string(),
+                    converted = data.out("converted.exr").string();
+  output_of_program({"oiiotool", scene, "--colorconfig", config.string(), "--colorconvert",
+                     "lin_srgb", "show", "-o", converted});
+  // Half has 11 bits; the input of one of them is rounded, too.
+  const std::string difference =
+      output_of_program({"oiiotool", "--fail", "0.0015", show, converted, "--diff"});
+  EXPECT_THAT(difference, HasSubstr("PASS"));
+  EXPECT_NE(read_halves(scene), read_halves(show));
+  const std::string info = output_of_program({"oiiotool", "--info", "-v", show});
+  EXPECT_THAT(info, HasSubstr("colorInteropID: \"unknown\""));
+  EXPECT_THAT(info, HasSubstr("lf:colorSpace: \"show\""));
+  EXPECT_THAT(info, HasSubstr("show.ocio, "));
+  // A manifest for import could not state the space.
+  EXPECT_TRUE(std::filesystem::exists(data.out("scene") / "import.json"));
+  EXPECT_FALSE(std::filesystem::exists(data.out("show") / "import.json"));
+
+  options.output = data.out("aces");
+  options.exr.color = exr_color_space("lin_ap1_scene", {}, "");
+  export_images(take, options, {});
+  EXPECT_THAT(output_of_program(
+                  {"oiiotool", "--info", "-v", (data.out("aces") / "c1" / "000001.exr").string()}),
+              HasSubstr("colorInteropID: \"lin_ap1_scene\""));
+  for (const char* wrong : {"film", "no such space"}) {
+    EXPECT_THROW(exr_color_space(wrong, config, ""), Error) << wrong;
+  }
 }
 
 TEST(ExportImages, FisheyesHaveNoMatrixOfAWindow) {

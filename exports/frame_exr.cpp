@@ -46,6 +46,9 @@ compose::ExrMetadata metadata_of(const store::Take& take, double fps,
   metadata.take_name = take.document().name;
   metadata.compression = options.compression;
   metadata.program_version = options.program_version;
+  metadata.color_interop_id = options.color.interop_id;
+  metadata.color_space = options.color.space;
+  metadata.color_config = options.color.config;
   return metadata;
 }
 
@@ -154,6 +157,7 @@ std::vector<std::byte> FrameExrEncoder::encode(const SourceFrames::Ready& ready,
   correction_.correct(levels.values, layout, all);
   std::vector<float> pixels(levels.values.size());
   for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = light_[levels.values[i]];
+  if (options_.color.from_scene) options_.color.from_scene->apply_rgb(pixels);
 
   compose::ScanlinePart part{header_of(ready.frame), {}};
   for (const auto& [name, channel] : {std::pair{"B", 2}, std::pair{"G", 1}, std::pair{"R", 0}}) {

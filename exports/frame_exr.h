@@ -13,9 +13,9 @@
 
 namespace raystage::exports {
 
-/// Writes frames of a camera as EXR: scene-linear Rec.709 after the camera's photometric
-/// correction, as the renderer sees them, half R, G, B. The header has time, pose and lens
-/// (docs/formats/exr.md).
+/// Writes frames of a camera as EXR: scene-linear Rec.709, or the linear space of the options,
+/// after the camera's photometric correction, as the renderer sees them, half R, G, B. The header
+/// has time, pose and lens (docs/formats/exr.md).
 class FrameExrEncoder : public ImageEncoder {
  public:
   FrameExrEncoder(const store::Take& take, int camera, double fps, ExrExportOptions options);

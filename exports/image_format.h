@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "exports/exr_color_space.h"
 #include "exports/frame_choice.h"
 #include "exports/source_frames.h"
 #include "store/take.h"
@@ -19,6 +20,7 @@ namespace raystage::exports {
 struct ExrExportOptions {
   std::string compression = "zip";  ///< none | zips | zip
   std::string program_version = {};
+  ExrColorSpace color = {};
 };
 
 /// Converts the frames of one camera. Not thread-safe.

@@ -4,6 +4,7 @@
 // views. Cost: cameras times frames times pixels, in parallel.
 #include "simulate/simulate.h"
 
+#include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
@@ -196,6 +197,7 @@ class Simulation {
     store::ArchiveWriter& archive = writer.archive(index);
     Worker& worker = workers_.local();
     StaticSampleCache cache;
+    int stored = 0;
     for (std::size_t number = 0; number < times.frames.size(); ++number) {
       const ExposureSchedule::Frame& frame = times.frames[number];
       if (frame.status != store::FrameStatus::kStored) {
@@ -209,6 +211,10 @@ class Simulation {
             worker.image,
             hash_keys({options_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
         archive.append(store::encode_jpeg(picture, options_.jpeg), frame.stamped_time);
+        ++stored;
+        if (options_.camera_depths) {
+          write_camera_depths(worker.image, rays, writer.working_folder(), camera.id, stored);
+        }
       }
       advance(1);
     }
@@ -233,6 +239,27 @@ class Simulation {
       values.push_back(surfaces.behind_distance * forward);
     }
     return values;
+  }
+
+  /// Writes the depths at the pixel centres of a camera's frame; `number`: of its stored frames.
+  static void write_camera_depths(const LinearImage& image, const PixelRays& rays,
+                                  const std::filesystem::path& folder, const std::string& id,
+                                  int number) {
+    std::vector<float> z;
+    z.reserve(image.centre.size());
+    for (std::size_t i = 0; i < image.centre.size(); ++i) {
+      const auto width = static_cast<std::size_t>(image.width);
+      const auto column = static_cast<int>(i % width), row = static_cast<int>(i / width);
+      const LightSample& seen = image.centre[i];
+      const bool is_known = seen.reflected_part < 0 && rays.has_ray(column, row);
+      // Fisheyes see what has no planar depth.
+      const float depth = is_known ? seen.distance * rays.forward_share(column, row) : 0;
+      z.push_back(depth > 0 ? depth : 0);
+    }
+    const std::filesystem::path of_camera = folder / "truth" / "depths" / id;
+    create_folder(of_camera);
+    images::write_depth_image(image.width, image.height, z,
+                              of_camera / fmt::format("{:06}.exr", number));
   }
 
   /// Replaces the light of the worker's image by its mean over an exposure.

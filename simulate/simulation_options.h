@@ -78,6 +78,8 @@ struct SimulationOptions {
   int truth_samples = 16;                 ///< per pixel: a square number
   /// Unlit balls in the views only: x, y, z of the centre and radius, world, metres.
   std::vector<std::array<double, 4>> truth_spheres;
+  /// Write the true depths of the cameras' frames: truth/depths/CAMERA/000001.exr.
+  bool camera_depths = false;
   double truth_shutter_deg = 0;  ///< of the views; the cameras' exposures are instants
   int shot_frames = 48;
 

@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
       declare_export_movies(command),    declare_export_images(command),
       declare_export_mosaic(command),    declare_export_quilt(command),
       declare_export_multiview(command), declare_export_model(command),
-      declare_export_rig(command)};
+      declare_export_rig(command),       declare_export_depth(command)};
   command.footer(
       "Exit codes: 0 written; 1 failed; 2 bad usage or input; 4 written, but stored frames that "
       "are "

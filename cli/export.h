@@ -6,6 +6,7 @@
 
 namespace raystage::cli {
 
+Subcommand declare_export_depth(CommandLine& command);
 Subcommand declare_export_images(CommandLine& command);
 Subcommand declare_export_model(CommandLine& command);
 Subcommand declare_export_mosaic(CommandLine& command);

@@ -298,7 +298,8 @@ TEST(RecordedDepths, GoToTheCameraWithoutDistortionAndBack) {
     const auto known = std::ranges::count_if(whole.values, [](float value) { return value >= 0; });
     EXPECT_GT(known, static_cast<std::ptrdiff_t>(whole.values.size() / 3));
     for (const float value : whole.values) {
-      if (value >= 0) ASSERT_NEAR(value, 0.5, 2e-3);
+      if (value < 0) continue;
+      ASSERT_NEAR(value, 0.5, 2e-3);
     }
     render::InverseDepthMap back(128, 96, render::kUnknownDepth);
     render::add_recorded_depths(whole, pinhole, model, quantity, 0.05F, back);

@@ -289,7 +289,8 @@ TEST(RecordedDepths, GoToTheCameraWithoutDistortionAndBack) {
     const render::DepthQuantity quantity = render::stored_quantity(model);
     EXPECT_EQ(quantity,
               is_fisheye ? render::DepthQuantity::kDistance : render::DepthQuantity::kPlanar);
-    // A fronto-parallel plane at 2 m.
+    // A fronto-parallel plane at 2 m. The outer half of border pixels has the value of their
+    // centres: beside a fisheye's axis, distances change by 1 % there.
     render::InverseDepthMap map(128, 96, 0.5F);
     render::convert_recorded_depths(map, model, render::DepthQuantity::kPlanar, quantity);
     const render::VirtualCamera pinhole = render::undistorted(model, {});
@@ -299,12 +300,13 @@ TEST(RecordedDepths, GoToTheCameraWithoutDistortionAndBack) {
     EXPECT_GT(known, static_cast<std::ptrdiff_t>(whole.values.size() / 3));
     for (const float value : whole.values) {
       if (value < 0) continue;
-      ASSERT_NEAR(value, 0.5, 2e-3);
+      ASSERT_NEAR(value, 0.5, is_fisheye ? 6e-3 : 2e-3);
     }
     render::InverseDepthMap back(128, 96, render::kUnknownDepth);
     render::add_recorded_depths(whole, pinhole, model, quantity, 0.05F, back);
     for (int y = 8; y < 88; ++y) {
-      for (int x = 8; x < 120; ++x) ASSERT_NEAR(back.at(x, y), map.at(x, y), 2e-3);
+      for (int x = 8; x < 120; ++x)
+        ASSERT_NEAR(back.at(x, y), map.at(x, y), is_fisheye ? 6e-3 : 2e-3);
     }
   }
 }

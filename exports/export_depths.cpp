@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/atomic_file.h"
 #include "base/cancellation.h"
 #include "base/options.h"
 #include "base/parallel.h"

@@ -157,7 +157,8 @@ std::vector<std::byte> FrameExrEncoder::encode(const SourceFrames::Ready& ready,
   correction_.correct(levels.values, layout, all);
   std::vector<float> pixels(levels.values.size());
   for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = light_[levels.values[i]];
-  if (options_.color.from_scene) options_.color.from_scene->apply_rgb(pixels);
+  // Four values a pixel, of which a linear transform leaves the last as it is.
+  if (options_.color.from_scene) options_.color.from_scene->apply(pixels);
 
   compose::ScanlinePart part{header_of(ready.frame), {}};
   for (const auto& [name, channel] : {std::pair{"B", 2}, std::pair{"G", 1}, std::pair{"R", 0}}) {

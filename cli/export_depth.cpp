@@ -61,7 +61,7 @@ Subcommand declare_export_depth(CommandLine& command) {
   add_take_options(depth, *options, "FOLDER",
                    "folder to write, which must not exist: CAMERA/000001.exr, in the pixels of the "
                    "recorded\npictures, and rig.json; raystage import --depth reads it");
-  depth.choice("--format FORMAT", options->is_png, {{"exr", false}, {"png", true}},
+  depth.choice("--format", options->is_png, {{"exr", false}, {"png", true}},
                "exr: metres, channel Z, 0 = unknown; png: 16-bit inverse depths, 1/d = code/65535 "
                "(1/near -\n1/far) + 1/far, code 0 = unknown (default: exr)");
   depth
@@ -73,7 +73,7 @@ Subcommand declare_export_depth(CommandLine& command) {
               "depth of code 0, metres (default: 1.25 times the farthest depth of the take)")
       .positive();
   depth.choice(
-      "--kind KIND", options->quantity,
+      "--kind", options->quantity,
       {{"planar", render::DepthQuantity::kPlanar}, {"distance", render::DepthQuantity::kDistance}},
       "planar: depth along the camera's axis; distance: from the camera's centre, for "
       "fisheyes (default:\nplanar)");

@@ -76,7 +76,7 @@ void declare_depth(CommandLine command, Options& options) {
   command.option("--depth TAKE", options.depth_take,
                  "Store depth maps in this take instead of making one");
   command
-      .choice("--depth-kind KIND", options.depth_quantity,
+      .choice("--depth-kind", options.depth_quantity,
               {{"planar", render::DepthQuantity::kPlanar},
                {"distance", render::DepthQuantity::kDistance}},
               "planar: depth along the camera's axis; distance: from the camera's centre (default: "
@@ -105,14 +105,13 @@ void declare_depth(CommandLine command, Options& options) {
       .positive()
       .needs("--depth-near");
   command
-      .choice("--depth-numbers BY", options.depth_numbers,
+      .choice("--depth-numbers", options.depth_numbers,
               {{"ticks", depths::MapNumbers::kTicks}, {"recorded", depths::MapNumbers::kRecorded}},
               "What 000001 counts: ticks of the timeline, as the frames of shots and of exports at "
               "constant times; or the recorded frames of the camera (default: ticks)")
       .needs("--depth");
   command
-      .choice("--depth-existing WHAT", options.depth_overwrites,
-              {{"error", false}, {"overwrite", true}},
+      .choice("--depth-existing", options.depth_overwrites, {{"error", false}, {"overwrite", true}},
               "If the take has an imported map of a frame already (default: error)")
       .needs("--depth");
 }

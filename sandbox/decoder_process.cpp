@@ -131,7 +131,8 @@ class DecoderProcess::Exchange {
 
   /// Receives the next message. Throws Error if the decoder ends or exceeds its time.
   Received receive() {
-    if (++messages_ > kMaxMessages) throw not_in_time();
+    if (++messages_ > kMaxMessages)
+      throw refusal("its decoder asked for too many files", kIsDamaged);
     std::array<char, kMaxText + 1> message{};
     for (;;) {
       require_time();
@@ -186,17 +187,22 @@ class DecoderProcess::Exchange {
     return Error::bad_input(fmt::format("the {} cannot be read: {}", options_.kind, why),
                             file_.string(), what_to_do);
   }
+  /// A process that was stopped, or gets no time on a loaded machine, says nothing about the file.
   Error not_in_time() const {
-    return refusal(fmt::format("its decoder did not end within {} s, or asked for too many files",
-                               longest_wait(options_).count()),
-                   kIsDamaged);
+    return Error::failed(
+        fmt::format(
+            "the {} was not read: its decoder did not answer within {} s and did not use the "
+            "processor's time that it may use",
+            options_.kind, longest_wait(options_).count()),
+        file_.string(), "Try again when the machine has less to do");
   }
   void require_time() const {
     if (Clock::now() > deadline_) throw not_in_time();
     const auto time = child_.processor_time();
     if (time && *time - time_before_ > options_.time) {
-      throw refusal(fmt::format("its decoder took more than {} s", options_.time.count()),
-                    kIsDamaged);
+      throw refusal(
+          fmt::format("its decoder took more than {} s of processor time", options_.time.count()),
+          kIsDamaged);
     }
   }
   /// Why the decoder has closed its end.
@@ -208,6 +214,7 @@ class DecoderProcess::Exchange {
                      kIsDamaged);
     if (WIFSIGNALED(*status)) {
       const int signal = WTERMSIG(*status);
+      if (signal == SIGALRM) return not_in_time();  // its own clock, see set_timer()
       if (signal == SIGKILL) {
         return Error::failed(fmt::format("the decoder of a {} was killed", options_.kind),
                              file_.string(), "Free memory, and try again");

@@ -66,8 +66,8 @@ class DecoderProcess {
   /// Starts the process ahead of the first request. Throws Error (failed) if that is impossible.
   void start();
   /// Sends a request and returns the result. `file`: what is decoded, named by errors. Throws Error
-  /// (bad input) with the decoder's reason, or if it crashed, took too long, or needed too much
-  /// memory; Error (failed) if it cannot be started or confined, or was killed.
+  /// (bad input) with the decoder's reason, or if it crashed or needed too much time or memory;
+  /// Error (failed) if it cannot be started or confined, was killed, or did not get to run.
   std::vector<std::byte> decode(std::span<const std::byte> request,
                                 const std::filesystem::path& file, const OpenFile& open_file);
 

@@ -3,8 +3,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <array>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <random>
 #include <stdexcept>
 
@@ -130,6 +135,55 @@ TEST(FramePacker, MutatedFramesAreRefusedOrUnchanged) {
   for (std::size_t size = 0; size < packed.size(); size += 1 + packed.size() / 16) {
     EXPECT_NE(unpack_error(Bytes(packed.begin(), packed.begin() + static_cast<long>(size))), "");
   }
+}
+
+TEST(FramePacker, TheTimeLimitFollowsEffortAndSizeAndTheReasonSaysSo) {
+  using std::chrono::seconds;
+  constexpr std::uint64_t kSmall = 640 * 480, kLarge = 24'000'000;
+  EXPECT_GE(FramePacker::time_limit(kSmall, 1), seconds(60));
+  EXPECT_EQ(FramePacker::time_limit(kSmall, 1), FramePacker::time_limit(kSmall, 7));
+  EXPECT_GT(FramePacker::time_limit(kSmall, 9), FramePacker::time_limit(kSmall, 8));
+  // 24 MB of JPEG take 2 minutes and more at 0.2 MB/s.
+  EXPECT_GT(FramePacker::time_limit(kLarge, 9), seconds(1200));
+
+  const Bytes large = testing::encode_jpeg_variant(picture(2400, 1600), {});
+  const FramePacker::Packed packed =
+      FramePacker(seconds(1)).pack(large, {2400, 1600}, 9, "archive/c0.mkv");
+  EXPECT_TRUE(packed.bytes.empty());
+  EXPECT_THAT(packed.refusal, HasSubstr("it cannot be packed: its decoder took"));
+  EXPECT_THAT(packed.refusal, HasSubstr("more than 1 s of processor time"));
+}
+
+/// Sends a signal to all processes that this one has started. Returns how many there are.
+int signal_children(int signal) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    const std::string name = entry.path().filename().string();
+    if (name.find_first_not_of("0123456789") != std::string::npos) continue;
+    std::ifstream file(entry.path() / "status");
+    for (std::string line; std::getline(file, line);) {
+      if (!line.starts_with("PPid:") || std::stoi(line.substr(5)) != ::getpid()) continue;
+      count += ::kill(std::stoi(name), signal) == 0 ? 1 : 0;
+    }
+  }
+  return count;
+}
+
+// ArchiveReader takes bad input for rot, which stays known, and a failure for none.
+TEST(FramePacker, AProcessThatIsStoppedFailsAndSaysNothingAboutTheFrame) {
+  const Bytes jpeg = simple_jpeg();
+  const Bytes packed = FramePacker().pack(jpeg, kSize, kEffort, "a").bytes;
+  const FramePacker packer(std::chrono::seconds(1));
+  ASSERT_EQ(packer.unpack(packed, kSize, "a"), jpeg);
+  ASSERT_GT(signal_children(SIGSTOP), 0);
+  try {
+    packer.unpack(packed, kSize, "a");
+    ADD_FAILURE() << "a process that is stopped has unpacked a frame";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+    EXPECT_THAT(error.what(), HasSubstr("did not answer"));
+  }
+  EXPECT_EQ(packer.unpack(packed, kSize, "a"), jpeg);
 }
 
 TEST(FramePacker, AFalseStatementOfSizeIsRefused) {

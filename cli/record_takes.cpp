@@ -80,9 +80,8 @@ std::optional<ingest::RecordingTake> open_mirror(const TakeSetup& setup, const f
   if (folder.empty()) return std::nullopt;
   if (!setup.resume) return create_take(setup, folder);
   std::optional<ingest::RecordingTake> mirror =
-      is_take(folder)
-          ? resume_take(setup, folder, take.folder())
-          : ingest::RecordingTake::create(folder, take.document(), take.rig(), setup.node);
+      is_take(folder) ? resume_take(setup, folder, take.folder())
+                      : ingest::RecordingTake::create_copy(folder, take);
   const std::size_t to_mirror = mirror->complete_from(take), to_take = take.complete_from(*mirror);
   if (to_mirror + to_take > 0) {
     print_error("raystage record: {} records were copied to the mirror and {} from it\n", to_mirror,

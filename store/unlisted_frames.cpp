@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/posix_file.h"
 #include "store/journal.h"
+#include "store/stored_frames.h"
 
 namespace raystage::store {
 namespace {
@@ -40,18 +41,17 @@ CopyRecords read_copy_records(const ArchiveFiles& files) {
   CopyRecords copy;
   copy.has_journal = has_header(files.journal);
   const ArchiveReader reader(files.archive, files.journal);
+  const StoredFrames stored_frames(files.archive);
   copy.records.assign(reader.records().begin(), reader.records().end());
-  int frame = -1;
   for (std::size_t i = 0; i < copy.records.size(); ++i) {
     FrameRecord& record = copy.records[i];
     const bool is_stored = record.status == FrameStatus::kStored;
-    if (is_stored) ++frame;
     if (!is_stored || record.xxh3 != 0) {
       copy.listed = i + 1;
       continue;
     }
-    const FrameBytes jpeg = reader.jpeg(frame);
-    record.xxh3 = XXH3_64bits(jpeg.bytes().data(), jpeg.bytes().size());
+    const FrameBytes stored = stored_frames.read(record);
+    record.xxh3 = XXH3_64bits(stored.bytes().data(), stored.bytes().size());
   }
   return copy;
 }

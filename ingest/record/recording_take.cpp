@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "ingest/sources/frame_source.h"
 #include "store/matroska.h"
+#include "store/stored_frames.h"
 #include "store/unlisted_frames.h"
 
 namespace raystage::ingest {
@@ -34,11 +35,11 @@ std::string file_name_of(const std::string& node) {
   return (name.empty() ? "node" : name) + ".json";
 }
 
-store::ArchiveWriter::Description description_of(const schemas::TakeDocument& take,
-                                                 const schemas::RigDocument& rig,
-                                                 std::size_t camera) {
+store::ArchiveWriter::Description description_of(
+    const schemas::TakeDocument& take, const schemas::RigDocument& rig, std::size_t camera,
+    store::FrameCodec codec = store::FrameCodec::kJpeg) {
   const schemas::CameraGeometry& geometry = rig.cameras[camera].geometry;
-  return {take.cameras[camera].id, geometry.width, geometry.height, take.epoch_utc};
+  return {take.cameras[camera].id, geometry.width, geometry.height, take.epoch_utc, codec};
 }
 
 /// Throws Error (bad input) if frames that arrive now have times outside of an archive's range.
@@ -103,6 +104,22 @@ fs::path RecordingTake::journal_path(std::size_t camera) const {
 
 RecordingTake RecordingTake::create(const fs::path& folder, schemas::TakeDocument take,
                                     const schemas::RigDocument& rig, const std::string& node) {
+  const std::vector<store::FrameCodec> codecs(take.cameras.size(), store::FrameCodec::kJpeg);
+  return create(folder, std::move(take), rig, node, codecs);
+}
+
+RecordingTake RecordingTake::create_copy(const fs::path& folder, const RecordingTake& source) {
+  std::vector<store::FrameCodec> codecs;
+  for (std::size_t i = 0; i < source.take_.cameras.size(); ++i) {
+    const store::ArchiveReader archive(source.archive_path(i), source.journal_path(i));
+    codecs.push_back(archive.description().codec);
+  }
+  return create(folder, source.take_, source.rig_, source.recording_.node, codecs);
+}
+
+RecordingTake RecordingTake::create(const fs::path& folder, schemas::TakeDocument take,
+                                    const schemas::RigDocument& rig, const std::string& node,
+                                    const std::vector<store::FrameCodec>& codecs) {
   for (schemas::TakeDocument::Camera& camera : take.cameras) {
     camera.archive = "archive/" + camera.id + ".mkv";
     camera.journal = "archive/" + camera.id + ".journal";
@@ -118,16 +135,17 @@ RecordingTake RecordingTake::create(const fs::path& folder, schemas::TakeDocumen
   check_epoch(take.epoch_utc, folder, "Correct the time to start at, or this machine's clock");
   RecordingTake recording(folder, std::move(take), rig, node);
   recording.folder_cleanup_ = FolderCleanup(folder);
-  recording.create_files();
+  recording.create_files(codecs);
   return recording;
 }
 
-void RecordingTake::create_files() {
+void RecordingTake::create_files(const std::vector<store::FrameCodec>& codecs) {
   create_folder(folder_ / "archive");
   create_folder(folder_ / "recording");
   schemas::write_rig(rig_, folder_ / "rig.json");
   for (std::size_t i = 0; i < take_.cameras.size(); ++i) {
-    archives_.emplace_back(archive_path(i), journal_path(i), description_of(take_, rig_, i));
+    archives_.emplace_back(archive_path(i), journal_path(i),
+                           description_of(take_, rig_, i, codecs[i]));
     last_times_.push_back(-1);
   }
   // Written last, because it makes the folder a take.
@@ -223,10 +241,10 @@ std::size_t RecordingTake::complete_from(const RecordingTake& other) {
     if (!std::ranges::equal(have.first(common), wanted.first(common), store::is_same_record)) {
       throw copies_differ(other.folder_, "the records of camera \"" + take_.cameras[i].id + "\"");
     }
-    auto frame = static_cast<int>(own.frames().size());
+    const store::StoredFrames stored(other.archive_path(i));
     for (const store::FrameRecord& record : wanted.subspan(common)) {
       if (record.status == store::FrameStatus::kStored) {
-        archives_[i].append_again(record, theirs.jpeg(frame++));
+        archives_[i].append_again(record, stored.read(record));
       } else {
         archives_[i].append_again(record, {});
       }

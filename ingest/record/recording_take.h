@@ -25,6 +25,10 @@ class RecordingTake {
   /// object is destroyed before a session was written.
   static RecordingTake create(const std::filesystem::path& folder, schemas::TakeDocument take,
                               const schemas::RigDocument& rig, const std::string& node);
+  /// Creates an empty copy of a take, whose archives have the same form (packed or not), for
+  /// complete_from(). Throws as create(), and as ArchiveReader.
+  static RecordingTake create_copy(const std::filesystem::path& folder,
+                                   const RecordingTake& source);
   /// Continues a take after a crash or a stop. Throws Error (bad input) if its cameras differ in id
   /// or order, or its epoch is more than 104 days from now. Sizes are checked by resume_take().
   /// `other`: folder of another copy, empty if there is none. Records that a crash prevented are
@@ -84,7 +88,10 @@ class RecordingTake {
 
   RecordingTake(std::filesystem::path folder, schemas::TakeDocument take, schemas::RigDocument rig,
                 const std::string& node);
-  void create_files();
+  static RecordingTake create(const std::filesystem::path& folder, schemas::TakeDocument take,
+                              const schemas::RigDocument& rig, const std::string& node,
+                              const std::vector<store::FrameCodec>& codecs);
+  void create_files(const std::vector<store::FrameCodec>& codecs);
   /// Throws Error (bad input) unless one copy of each archive is the beginning of the other. Only
   /// reads.
   void compare_with(const std::filesystem::path& other, const schemas::TakeDocument& there) const;

@@ -9,6 +9,8 @@
 #include "base/error.h"
 #include "ingest/record/recording_take.h"
 #include "ingest/sources/frame_source.h"
+#include "store/jpeg/encode.h"
+#include "store/jpegxl/frame_packer.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
@@ -147,6 +149,52 @@ TEST_F(ResumeCopies, TheMirrorOfAnotherTakeIsRefused) {
   document.name = "another";
   record(mirror, 20);
   expect_refused("name, epoch or cameras");
+}
+
+/// Writes a take with a camera that has two packed frames and one that stayed JPEG.
+void write_packed_take(const fs::path& folder, const schemas::TakeDocument& document) {
+  const store::FramePacker packer;
+  store::TakeWriter writer(folder, document, testing::rig_document(1), store::FrameCodec::kPacked);
+  for (int i = 0; i < 3; ++i) {
+    store::RgbImage image(320, 240);
+    for (std::size_t at = 0; at < image.values.size(); ++at) {
+      image.values[at] = static_cast<std::uint8_t>(at / 960 + at / 3 % 320 + 40U * i);
+    }
+    const std::vector<std::byte> jpeg = store::encode_jpeg(image, {});
+    const auto packed = packer.pack(jpeg, {320, 240}, 7, "c0");
+    ASSERT_EQ(packed.refusal, "");
+    writer.archive(0).append(i == 1 ? jpeg : packed.bytes, 1000 * (i + 1), {1000 * (i + 1), 0});
+  }
+  writer.commit();
+}
+
+TEST_F(ResumeCopies, ANewMirrorOfAPackedTakeHasTheSameForm) {
+  fs::remove_all(take);
+  write_packed_take(take, document);
+  const std::vector<std::byte> jpeg = testing::fake_jpeg(1, 500);
+  {
+    RecordingTake first = resume(take, {});
+    RecordingTake second = RecordingTake::create_copy(mirror, first);
+    EXPECT_EQ(second.complete_from(first), 3U);
+    EXPECT_EQ(first.complete_from(second), 0U);
+    for (RecordingTake* const copy : {&first, &second}) {
+      copy->archive(0).append(jpeg, 9000, {9000, 1});
+      copy->write_session({}, true);
+      std::vector<std::string> problems;
+      copy->close(problems);
+      EXPECT_TRUE(problems.empty());
+    }
+  }
+  EXPECT_EQ(archives_of(take), archives_of(mirror));
+  const store::ArchiveReader copied(mirror / "archive/c0.mkv", mirror / "archive/c0.journal");
+  EXPECT_TRUE(copied.is_packed(0));
+  EXPECT_FALSE(copied.is_packed(1));
+  EXPECT_NO_THROW(store::parse_jpeg_layout(copied.jpeg(0), "c0"));
+  // Records that a crash prevented have the XXH3 of the stored bytes.
+  forget(take, 2);
+  resume_both();
+  EXPECT_EQ(archives_of(take), archives_of(mirror));
+  EXPECT_EQ(frames_in(take), 4U);
 }
 
 // The documents agree, but the frames do not.

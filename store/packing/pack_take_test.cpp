@@ -15,6 +15,7 @@
 #include "store/fixity/verify.h"
 #include "store/jpeg/encode.h"
 #include "store/rotten_frame.h"
+#include "store/stored_frames.h"
 #include "store/take_summary.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
@@ -163,7 +164,12 @@ TEST_F(PackTakeTest, PackedTakesReadLikeTheirSources) {
   packed.unpacked_frames().set_budget(1);
   EXPECT_EQ(packed.unpacked_frames().bytes_held(), 0);
   EXPECT_TRUE(std::ranges::equal(source.archive(0).jpeg(0), packed.archive(0).jpeg(0)));
-  EXPECT_TRUE(summarise_take(packed).cameras[0].packed);
+  const TakeSummary summary = summarise_take(packed);
+  EXPECT_TRUE(summary.cameras[0].packed);
+  EXPECT_EQ(summary.cameras[0].packed_frames, kFrames);
+  EXPECT_EQ(summary.cameras[1].packed_frames, kFrames - 1);  // one of arithmetic coding
+  EXPECT_EQ(summary.cameras[2].packed_frames, kFrames - 2);  // one is no JPEG, one is cut off
+  EXPECT_EQ(summary.cameras[0].restart_markers, std::nullopt);
   EXPECT_FALSE(summarise_take(source).cameras[0].packed);
   EXPECT_EQ(source.unpacked_frames().bytes_held(), 0);
 }
@@ -289,6 +295,23 @@ TEST_F(PackTakeTest, APackedArchiveMayBeContinued) {
   EXPECT_TRUE(std::ranges::equal(packed.archive(0).jpeg(0), source.archive(0).jpeg(0)));
   fs::remove(path("packed") / kTimelineFile);  // of fewer frames
   EXPECT_TRUE(verify_take(path("packed"), {}).is_intact());
+}
+
+TEST_F(PackTakeTest, StoredFramesAreTheBytesOfTheFile) {
+  pack();
+  const fs::path file = path("packed") / "archive" / "c1.mkv";
+  Bytes bytes = testing::bytes_of(file);
+  const Take packed(path("packed"));
+  const auto records = packed.archive(1).frames();
+  for (const FrameRecord& record : records) {
+    const FrameBytes stored = StoredFrames(file).read(record);
+    EXPECT_TRUE(
+        std::ranges::equal(stored.bytes(), std::span(bytes).subspan(record.offset, record.size)));
+  }
+  bytes[records[2].offset + 100] ^= std::byte{1};
+  testing::overwrite(file, bytes);
+  EXPECT_THROW(StoredFrames(file).read(records[2]), Error);
+  EXPECT_NO_THROW(StoredFrames(file).read(records[1]));
 }
 
 TEST_F(PackTakeTest, DamagedSourcesAreRefusedAndNothingRemains) {

@@ -7,6 +7,7 @@
 #include "replay/live/live_take.h"
 #include "schemas/recording_document.h"
 #include "store/archive.h"
+#include "store/jpegxl/frame_packer.h"
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
 
@@ -125,6 +126,40 @@ TEST_F(LiveTakeTest, RendersAViewOfTheNewestInstant) {
   EXPECT_EQ(view.picture(request, {})->content, PictureContent::kView);
   request.mosaic = true;
   EXPECT_EQ(view.picture(request, {})->content, PictureContent::kLive);
+}
+
+TEST_F(LiveTakeTest, ShowsPackedFramesOfAContinuedTake) {
+  testing::SyntheticTake larger = options_;
+  larger.cameras = testing::camera_grid(1, 2, 0.06, 160, 120);
+  const std::filesystem::path take = folder_.path() / "packed";
+  testing::write_synthetic_take(larger, take);
+  std::vector<std::byte> jpeg;
+  for (int i = 0; i < 2; ++i) {
+    const store::Take source(take);
+    const schemas::TakeDocument::Camera& camera =
+        source.document().cameras[static_cast<std::size_t>(i)];
+    const auto frame = source.archive(i).jpeg(0);
+    jpeg.assign(frame.begin(), frame.end());
+    const store::FramePacker::Packed packed =
+        store::FramePacker().pack(jpeg, {160, 120}, 7, camera.archive);
+    ASSERT_EQ(packed.refusal, "");
+    std::filesystem::remove(take / camera.archive);
+    std::filesystem::remove(take / camera.journal);
+    store::ArchiveWriter writer(take / camera.archive, take / camera.journal,
+                                {camera.id, 160, 120, epoch_, store::FrameCodec::kPacked});
+    writer.append(packed.bytes, kFrameTime);
+    writer.close();
+  }
+  LiveTake live(take);
+  for (int update = 0; update < 2; ++update) {
+    live.update(epoch_);
+    ASSERT_TRUE(live.newest());
+    const int last = live.newest()->frame[1];
+    EXPECT_TRUE(std::ranges::equal(live.take().archive(1).jpeg(last), jpeg));
+    const Mosaic mosaic = make_mosaic({live.take(), *live.newest()}, 60, 40);
+    EXPECT_FALSE(mosaic.cells[0].is_absent);
+    EXPECT_FALSE(mosaic.cells[1].is_absent);
+  }
 }
 
 TEST_F(LiveTakeTest, ADamagedFrameIsShownAsAbsent) {

@@ -19,6 +19,9 @@
 #include "base/posix_file.h"
 #include "schemas/recording_document.h"
 #include "store/journal_tail.h"
+#include "store/jpegxl/frame_packer.h"
+#include "store/jpegxl/packed_frame.h"
+#include "store/unpacked_frames.h"
 
 namespace raystage::replay {
 namespace {
@@ -36,11 +39,18 @@ constexpr Nanoseconds kRateWindow = 5'000'000'000;
 constexpr Nanoseconds kStalled = 700'000'000, kMostPatience = 5'000'000'000;
 constexpr std::uint32_t kMaxFrameBytes = std::uint32_t{64} << 20;
 
-/// The frames of an archive that is being written, by their records.
+/// The frames of an archive that is being written, by their records. Those that were there before a
+/// packed take was continued are packed.
 class ArchiveTail final : public store::RemoteFrames {
  public:
-  ArchiveTail(ContainedPath archive, std::vector<store::FrameRecord> records)
-      : archive_(std::move(archive)), records_(std::move(records)) {}
+  ArchiveTail(ContainedPath archive, std::vector<store::FrameRecord> records, int camera,
+              const store::ArchiveWriter::Description& description,
+              std::shared_ptr<store::UnpackedFrames> unpacked)
+      : archive_(std::move(archive)),
+        records_(std::move(records)),
+        camera_(camera),
+        size_{description.width, description.height},
+        unpacked_(std::move(unpacked)) {}
 
   store::FrameBytes jpeg(int frame) const override {
     const store::FrameRecord& record = records_.at(static_cast<std::size_t>(frame));
@@ -53,6 +63,7 @@ class ArchiveTail final : public store::RemoteFrames {
       throw Error::bad_input("a frame of the recording is not as it was recorded (XXH3)",
                              archive_.path().string(), "Check the disk");
     }
+    if (store::is_jpeg_xl(*bytes)) return unpack(*bytes, record);
     return store::FrameBytes(std::shared_ptr<const std::vector<std::byte>>(std::move(bytes)));
   }
   store::JpegLayout layout(int frame) const override {
@@ -64,8 +75,22 @@ class ArchiveTail final : public store::RemoteFrames {
   }
 
  private:
+  store::FrameBytes unpack(std::span<const std::byte> packed,
+                           const store::FrameRecord& record) const {
+    // The number of a frame changes with each update, its place does not.
+    const store::UnpackedFrames::Key key{record.offset, camera_};
+    if (auto known = unpacked_->find(key)) return *known;
+    store::FrameBytes jpeg(std::make_shared<const std::vector<std::byte>>(
+        unpacked_->packer().unpack(packed, size_, archive_.path())));
+    unpacked_->insert(key, jpeg);
+    return jpeg;
+  }
+
   ContainedPath archive_;
   std::vector<store::FrameRecord> records_;
+  int camera_;
+  store::FramePacker::Size size_;
+  std::shared_ptr<store::UnpackedFrames> unpacked_;
 };
 
 /// What is known of a camera.
@@ -119,7 +144,8 @@ struct CameraTail {
 class TailArchives final : public store::RemoteArchives {
  public:
   TailArchives(const std::vector<CameraTail>& cameras, const schemas::TakeDocument& take,
-               const rig::Rig& rig) {
+               const rig::Rig& rig, std::shared_ptr<store::UnpackedFrames> unpacked)
+      : unpacked_(std::move(unpacked)) {
     for (std::size_t i = 0; i < cameras.size(); ++i) {
       const rig::CameraModel& model = rig.cameras[i].model;
       descriptions_.push_back({take.cameras[i].id, model.width(), model.height(), take.epoch_utc});
@@ -129,11 +155,11 @@ class TailArchives final : public store::RemoteArchives {
   }
 
   std::optional<store::ArchiveReader> open(int camera) const override {
-    const std::vector<store::FrameRecord>& records = records_[static_cast<std::size_t>(camera)];
-    auto frames =
-        std::make_shared<const ArchiveTail>(archives_[static_cast<std::size_t>(camera)], records);
-    return std::optional<store::ArchiveReader>(
-        std::in_place, descriptions_[static_cast<std::size_t>(camera)], records, std::move(frames));
+    const auto index = static_cast<std::size_t>(camera);
+    auto frames = std::make_shared<const ArchiveTail>(archives_[index], records_[index], camera,
+                                                      descriptions_[index], unpacked_);
+    return std::optional<store::ArchiveReader>(std::in_place, descriptions_[index], records_[index],
+                                               std::move(frames));
   }
   bool is_missing(int /*camera*/) const override { return false; }
 
@@ -141,6 +167,7 @@ class TailArchives final : public store::RemoteArchives {
   std::vector<store::ArchiveWriter::Description> descriptions_;
   std::vector<std::vector<store::FrameRecord>> records_;
   std::vector<ContainedPath> archives_;
+  std::shared_ptr<store::UnpackedFrames> unpacked_;
 };
 
 /// Returns whether nothing was written into a take's archives and accounts for kSilence.
@@ -211,6 +238,7 @@ struct LiveTake::State {
   fs::path folder;
   std::optional<store::Take> take;
   std::vector<CameraTail> cameras;
+  std::shared_ptr<store::UnpackedFrames> unpacked = std::make_shared<store::UnpackedFrames>();
   LiveStatus status;
   std::optional<store::FrameSelection> newest;
 };
@@ -223,8 +251,8 @@ void LiveTake::update(Nanoseconds now_utc) {
   for (CameraTail& camera : state.cameras) camera.update();
   const schemas::TakeDocument document = state.take->document();
   // Opened again: a take reads each archive once.
-  store::Take next(state.folder, std::make_shared<const TailArchives>(state.cameras, document,
-                                                                      state.take->rig()));
+  store::Take next(state.folder, std::make_shared<const TailArchives>(
+                                     state.cameras, document, state.take->rig(), state.unpacked));
   using Camera = schemas::TakeDocument::Camera;
   const auto is_same = [](const Camera& a, const Camera& b) {
     return a.id == b.id && a.archive == b.archive && a.journal == b.journal;

@@ -133,7 +133,10 @@ std::string restart_markers(const store::TakeSummary& summary) {
   const long with = count_of(summary, [](const Camera& c) { return c.restart_markers == true; });
   const long without =
       count_of(summary, [](const Camera& c) { return c.restart_markers == false; });
-  if (with + without == 0) return "unknown";
+  if (with + without == 0) {
+    const bool is_packed = count_of(summary, [](const Camera& c) { return c.packed; }) > 0;
+    return is_packed ? "restart markers: not known while the frames are packed" : "unknown";
+  }
   if (without == 0) return "restart markers: parts of frames can be decoded";
   if (with == 0) return "no restart markers: frames are decoded as a whole";
   return fmt::format("restart markers in {} of {} cameras", with, with + without);
@@ -281,13 +284,19 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
   line("JPEG", restart_markers(summary));
   const auto is_packed = [](const Camera& c) { return c.packed; };
   if (const long packed = count_of(summary, is_packed); packed > 0) {
-    line("Packed",
-         fmt::format(
-             "{}: frames are unpacked whole when they are read; `raystage unpack` "
-             "returns the JPEG files",
-             packed == static_cast<long>(summary.cameras.size())
-                 ? "JPEG XL"
-                 : fmt::format("JPEG XL in {} of {} cameras", packed, summary.cameras.size())));
+    std::uint64_t frames = 0;
+    for (const Camera& camera : summary.cameras) {
+      frames += static_cast<std::uint64_t>(camera.packed_frames);
+    }
+    line("Packed", fmt::format("{}: {} frames are packed, {} are JPEG",
+                               packed == static_cast<long>(summary.cameras.size())
+                                   ? "JPEG XL"
+                                   : fmt::format("JPEG XL in {} of {} cameras", packed,
+                                                 summary.cameras.size()),
+                               frames, summary.frames() - frames));
+    print(
+        "  packed frames are unpacked whole when they are read; `raystage unpack` returns the JPEG "
+        "files\n");
   }
   if (document.depth_range) {
     const schemas::DepthRange range = *document.depth_range;
@@ -329,6 +338,7 @@ Json json_of(const Camera& camera) {
             {"missing", missing},
             {"closed", camera.closed},
             {"packed", camera.packed},
+            {"packed_frames", camera.packed_frames},
             {"bytes", camera.bytes},
             {"recovered_frames", camera.recovered},
             {"damaged_records", camera.damaged_records},

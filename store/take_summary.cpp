@@ -19,7 +19,7 @@ namespace raystage::store {
 namespace {
 
 std::optional<bool> restart_markers_of(const ArchiveReader& archive, const std::string& id) {
-  if (archive.frames().empty()) return std::nullopt;
+  if (archive.frames().empty() || archive.is_packed(0)) return std::nullopt;
   try {
     return parse_jpeg_layout(archive.jpeg(0), id).restart_interval > 0;
   } catch (const Error&) {
@@ -45,6 +45,9 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
     result.closed = archive.was_closed();
     result.bytes = archive.bytes();
     result.packed = archive.description().codec == FrameCodec::kPacked;
+    for (int frame = 0; result.packed && frame < result.frames; ++frame) {
+      result.packed_frames += archive.is_packed(frame) ? 1 : 0;
+    }
     result.restart_markers = restart_markers_of(archive, result.id);
   } catch (const Error& error) {
     result.error = error.what();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/attack/mutation.h"
 
+#include <arpa/inet.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -75,6 +77,75 @@ std::string mutated_bytes(std::string bytes, std::mt19937& random) {
         bytes[at] = static_cast<char>(random());
     }
   }
+  return bytes;
+}
+
+namespace {
+
+/// Returns the boxes of an ISO base media file, each with its header. The last one ends with the
+/// file.
+std::vector<std::string> boxes_of(const std::string& file) {
+  std::vector<std::string> boxes;
+  for (std::size_t at = 0; at < file.size();) {
+    constexpr std::size_t kHeader = 8;
+    std::uint32_t size = 0;
+    if (file.size() - at >= kHeader) std::memcpy(&size, file.data() + at, sizeof size);
+    std::size_t bytes = ntohl(size);
+    if (bytes < kHeader || bytes > file.size() - at) bytes = file.size() - at;
+    boxes.push_back(file.substr(at, bytes));
+    at += bytes;
+  }
+  return boxes;
+}
+
+void change_box(std::string& box, std::mt19937& random) {
+  constexpr std::size_t kType = 4, kHeader = 8;
+  constexpr std::array<std::uint32_t, 7> kSizes{0, 1, 7, 8, 0x7fffffff, 0x80000000, 0xffffffff};
+  if (box.size() <= kHeader) return;
+  switch (random() % 4) {
+    case 0: {
+      const std::uint32_t size = htonl(kSizes[random() % kSizes.size()]);
+      std::memcpy(box.data(), &size, sizeof size);
+      break;
+    }
+    case 1:
+      box[kType + random() % 4] = static_cast<char>(random());
+      break;
+    default:  // with the size that the change leaves
+      box = box.substr(0, kHeader) + mutated_bytes(box.substr(kHeader), random);
+      const std::uint32_t size = htonl(static_cast<std::uint32_t>(box.size()));
+      std::memcpy(box.data(), &size, sizeof size);
+  }
+}
+
+}  // namespace
+
+std::string mutated_packed_frame(const std::string& frame, std::mt19937& random) {
+  std::vector<std::string> boxes = boxes_of(frame);
+  for (std::size_t edits = 1 + random() % 4; edits > 0 && !boxes.empty(); --edits) {
+    const std::size_t at = random() % boxes.size(), other = random() % boxes.size();
+    switch (random() % 8) {
+      case 0:
+        boxes.erase(boxes.begin() + static_cast<std::ptrdiff_t>(at));
+        break;
+      case 1:
+        boxes.insert(boxes.begin() + static_cast<std::ptrdiff_t>(at), std::string(boxes[other]));
+        break;
+      case 2:
+        std::swap(boxes[at], boxes[other]);
+        break;
+      case 3: {  // the statement of XXH3 and size is the end of the third box
+        constexpr std::size_t kStatement = 16;
+        if (boxes.size() < 3 || boxes[2].size() < kStatement) break;
+        boxes[2][boxes[2].size() - 1 - random() % kStatement] = static_cast<char>(random());
+        break;
+      }
+      default:
+        change_box(boxes[at], random);
+    }
+  }
+  std::string bytes;
+  for (const std::string& box : boxes) bytes += box;
   return bytes;
 }
 

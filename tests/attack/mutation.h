@@ -16,4 +16,9 @@ std::string mutated_text(std::string text, std::mt19937& random);
 /// the limits, more often in the first 500 bytes, where headers are.
 std::string mutated_bytes(std::string bytes, std::mt19937& random);
 
+/// Returns a packed frame (docs/formats/archive.md) with one to four changes that know its boxes:
+/// sizes at the limits, other types, boxes that are lost, repeated or exchanged, another statement
+/// of size and XXH3, and changes within a box.
+std::string mutated_packed_frame(const std::string& frame, std::mt19937& random);
+
 }  // namespace raystage::testing

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <system_error>
@@ -64,6 +65,31 @@ bool MappedFile::can_read(std::span<const std::byte> part) const {
   // Older kernels do not support the request; the part is then assumed to be readable.
   return advise(part, MADV_POPULATE_READ) == 0 ||
          (errno != EFAULT && errno != EIO && errno != EHWPOISON);
+}
+
+bool MappedFile::is_mostly_cached() const {
+  constexpr std::size_t kSamples = 64;
+  const auto page = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  struct stat status {};
+  // The kernel states pages of other owners' files as cached, whether they are or not.
+  if (bytes().empty() || fstat(file_.number(), &status) != 0 || status.st_uid != geteuid())
+    return false;
+  const std::size_t pages = (bytes().size() + page - 1) / page;
+  const std::size_t samples = std::min(kSamples, pages);
+  std::size_t cached = 0;
+  for (std::size_t i = 0; i < samples; ++i) {
+    unsigned char state = 0;
+    auto* const address = const_cast<std::byte*>(bytes().data()) + i * pages / samples * page;
+    cached += mincore(address, 1, &state) == 0 && (state & 1U) != 0 ? 1 : 0;
+  }
+  return 2 * cached > samples;
+}
+
+void MappedFile::uncache(std::span<const std::byte> part) const {
+  if (part.empty()) return;
+  advise(part, MADV_DONTNEED);  // the kernel keeps pages that are mapped
+  posix_fadvise(file_.number(), part.data() - bytes().data(), static_cast<off_t>(part.size()),
+                POSIX_FADV_DONTNEED);
 }
 
 void MappedFile::check_read() const {

@@ -28,6 +28,12 @@ class MappedFile {
   void expect(Access access) const;
   /// Loads a part of bytes() into memory. Returns false if that fails (disk error, truncated file).
   bool can_read(std::span<const std::byte> part) const;
+  /// Returns whether most of bytes() are in the kernel's page cache, by a sample of their pages;
+  /// false where the kernel does not say so for files of others. Call it before reading.
+  bool is_mostly_cached() const;
+  /// Frees the memory of a part of bytes() that is not read again soon, in this process and in the
+  /// kernel's page cache. Pages that other processes map stay. A hint.
+  void uncache(std::span<const std::byte> part) const;
   /// Throws Error (failed) if some of bytes() are zeros because they could not be read, or if the
   /// file was truncated since it was mapped. Call it after the last access.
   void check_read() const;

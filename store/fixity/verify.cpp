@@ -46,8 +46,42 @@ class Share {
   std::atomic<std::uint64_t> done_ = 0;
 };
 
+/// Drops an archive from the page cache behind what is read, if it was not there before.
+class CacheGuard {
+ public:
+  CacheGuard(const MappedFile& file, bool is_wanted)
+      : file_(file), drops_(is_wanted && !file.is_mostly_cached()) {}
+  CacheGuard(const CacheGuard&) = delete;
+  CacheGuard& operator=(const CacheGuard&) = delete;
+  ~CacheGuard() { drop(file_.bytes().size()); }
+  void after(std::span<const std::byte> part) {
+    const auto end = static_cast<std::size_t>(part.data() + part.size() - file_.bytes().data());
+    if (end >= dropped_ + kReadPart) drop(end / kPage * kPage);
+  }
+
+ private:
+  static constexpr std::size_t kPage = 65536;  // the page that is being read stays
+  void drop(std::size_t end) {
+    if (!drops_ || end <= dropped_) return;
+    file_.uncache(file_.bytes().subspan(dropped_, end - dropped_));
+    dropped_ = end;
+  }
+  const MappedFile& file_;
+  bool drops_;
+  std::size_t dropped_ = 0;
+};
+
 void verify_camera(const Take& take, int camera, const TakeVerifyOptions& options, Share& share,
                    TakeFixityReport::Camera& result) {
+  const auto index = static_cast<std::size_t>(camera);
+  const CheckedFrames checked =
+      index < options.checked.size() ? options.checked[index] : CheckedFrames{};
+  if (checked.is_complete) {
+    result.report.status = RunStatus::kFinished;
+    result.report.frames = checked.frames;
+    share.advance(result.bytes);
+    return;
+  }
   ArchivePair pair = describe_pair(take, camera);
   const fs::path archive_path = take.folder() / pair.archive_name;
   const fs::path journal_path = take.folder() / pair.journal_name;
@@ -70,8 +104,22 @@ void verify_camera(const Take& take, int camera, const TakeVerifyOptions& option
     single.stop = options.stop;
     single.progress = [&](std::uint64_t bytes) { share.advance(bytes); };
     single.can_read = [&](std::span<const std::byte> part) { return archive.can_read(part); };
+    single.checked_frames = checked.frames;
+    if (options.on_checked) {
+      single.on_intact_frames = [&](std::int64_t frames) {
+        options.on_checked(camera, {frames, false});
+      };
+    }
+    CacheGuard cache(archive, options.spares_page_cache);
+    single.before_read = [&](std::span<const std::byte> part) {
+      if (options.before_read) options.before_read(part.size());
+    };
+    single.after_read = [&](std::span<const std::byte> part) { cache.after(part); };
     const auto verify = [&] { return verify_archive(pair, single); };
     result.report = journal ? read_mapped(verify, archive, *journal) : read_mapped(verify, archive);
+    if (options.on_checked && result.report.is_intact()) {
+      options.on_checked(camera, {result.report.frames, true});
+    }
   } catch (const Error& error) {
     result.error = error.what();
   }

@@ -13,11 +13,26 @@
 
 namespace raystage::store {
 
+/// The frames of a camera, from the first one, that were checked and are intact.
+struct CheckedFrames {
+  std::int64_t frames = 0;
+  bool is_complete = false;  ///< all of them, and everything else in archive and journal
+};
+
 /// Settings of verify_take(). Files are mapped and read once, cameras in parallel.
 struct TakeVerifyOptions {
   VerifyDepth depth = VerifyDepth::kHashes;
   bool decode = false;                   ///< also decode every JPEG; implies kHashes
   std::function<void(double)> progress;  ///< called with the share done, 0 to 1, from any thread
+  /// By camera, what an earlier check of the same files found: it is not read again. May be empty.
+  std::vector<CheckedFrames> checked;
+  /// Called from any thread with a camera that has no problem so far, for `checked` of a later
+  /// check.
+  std::function<void(int, const CheckedFrames&)> on_checked;
+  /// Called from any thread before so many bytes of frames are read, e.g. to wait.
+  std::function<void(std::uint64_t)> before_read;
+  /// Whether the page cache is left as it was: archives that were not in it are dropped again.
+  bool spares_page_cache = false;
   std::stop_token stop;
 };
 

@@ -9,6 +9,7 @@
 #include <xxhash.h>
 
 #include <algorithm>
+#include <memory>
 #include <utility>
 
 #include "base/error.h"
@@ -107,6 +108,7 @@ class Verifier {
   void check_stored(std::uint64_t at, const FrameRecord& record);
   void check_gap(std::size_t end);
   void check_frame(const FrameRecord& record);
+  std::optional<std::uint64_t> xxh3_of(Bytes jpeg) const;
   void check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected);
   void check_end();
   void check_header(const matroska::Trailer& closing);
@@ -232,7 +234,32 @@ void Verifier::check_stored(std::uint64_t at, const FrameRecord& record) {
   damaged_records_.clear();
   report_.unverified_frames += record.is_unverified ? 1 : 0;
   check_frame(record);
+  if (options_.stop.stop_requested()) return;  // it may be unchecked
   take_frame(record.time_ns, cluster, cluster + kHeader + record.size);
+  if (options_.on_intact_frames && report_.problems.empty())
+    options_.on_intact_frames(report_.frames);
+}
+
+/// Returns the XXH3-64 of a frame; nullopt if the disk cannot read it. Large frames are never in
+/// memory as a whole.
+std::optional<std::uint64_t> Verifier::xxh3_of(Bytes jpeg) const {
+  const std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state(
+      jpeg.size() > kReadPart ? XXH3_createState() : nullptr, XXH3_freeState);
+  if (state) XXH3_64bits_reset(state.get());
+  for (std::size_t at = 0; at < jpeg.size(); at += kReadPart) {
+    const Bytes part = jpeg.subspan(at, std::min(kReadPart, jpeg.size() - at));
+    if (options_.stop.stop_requested()) return std::nullopt;
+    if (options_.before_read) options_.before_read(part);
+    if (!can_read(part)) return std::nullopt;
+    if (!state) {
+      const std::uint64_t hash = XXH3_64bits(part.data(), part.size());
+      if (options_.after_read) options_.after_read(part);
+      return hash;
+    }
+    XXH3_64bits_update(state.get(), part.data(), part.size());
+    if (options_.after_read) options_.after_read(part);
+  }
+  return XXH3_64bits_digest(state.get());
 }
 
 void Verifier::take_frame(Nanoseconds time, std::size_t cluster, std::size_t end) {
@@ -274,7 +301,13 @@ void Verifier::check_frame(const FrameRecord& record) {
   const Bytes found = archive_.subspan(offset - expected.size(), expected.size());
   const Bytes jpeg = archive_.subspan(offset, record.size);
   const bool deep = options_.depth == VerifyDepth::kHashes || options_.decode;
-  if (!can_read(deep ? Bytes(found.data(), found.size() + jpeg.size()) : found)) {
+  if (report_.frames < options_.checked_frames && report_.problems.empty()) {
+    if (deep) advance(jpeg.size());
+    return;
+  }
+  const auto hash = deep ? xxh3_of(jpeg) : std::nullopt;
+  if (options_.stop.stop_requested()) return;
+  if (!can_read(found) || (deep && !hash)) {
     add(pair_.archive_name, offset, "the disk cannot read the frame", {affected});
     return;
   }
@@ -283,8 +316,7 @@ void Verifier::check_frame(const FrameRecord& record) {
         "the Matroska header of a frame is damaged; other programs may lose the frame or its time",
         {affected});
   }
-  if (options_.depth == VerifyDepth::kHashes &&
-      XXH3_64bits(jpeg.data(), jpeg.size()) != record.xxh3) {
+  if (options_.depth == VerifyDepth::kHashes && *hash != record.xxh3) {
     add(pair_.archive_name, offset,
         fmt::format("the {} bytes of a frame differ from the recorded ones: wrong XXH3",
                     jpeg.size()),

@@ -50,6 +50,13 @@ struct ArchivePair {
 struct VerifyOptions {
   VerifyDepth depth = VerifyDepth::kHashes;
   bool decode = false;  ///< also decode every JPEG and check its size
+  /// Frames at the beginning that an earlier check of the same bytes found intact, with all before
+  /// them: they are not read again, unless a problem precedes them.
+  std::int64_t checked_frames = 0;
+  /// Called when the first frames, as many as stated, and all before them are intact.
+  std::function<void(std::int64_t)> on_intact_frames;
+  /// Called before and after JPEG bytes are read, in parts of at most kReadPart bytes.
+  std::function<void(std::span<const std::byte>)> before_read, after_read;
   /// Called with the number of bytes verified since the last call.
   std::function<void(std::uint64_t)> progress;
   /// Called before bytes of the archive are accessed; returns false if the disk cannot read them.
@@ -66,6 +73,7 @@ struct ArchiveFixityReport {
   bool is_intact() const { return status == RunStatus::kFinished && problems.empty(); }
 };
 inline constexpr std::size_t kMaxProblems = 1000;
+inline constexpr std::size_t kReadPart = std::size_t{4} << 20;
 
 /// Compares an archive with its journal; accepts any bytes. Our writer is deterministic: all but
 /// the JPEG bytes is generated again from the journal and compared. JPEG bytes have their hash, and

@@ -14,6 +14,7 @@
 #include "schemas/bench_document.h"
 #include "schemas/farm_job_document.h"
 #include "schemas/farm_records.h"
+#include "schemas/fixity_catalogue.h"
 #include "schemas/import_manifest.h"
 #include "schemas/imported_depths_document.h"
 #include "schemas/planes_document.h"
@@ -61,7 +62,7 @@ void read_offsets(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 19) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 20) {
     case 0:
       round_trip(text, raystage::schemas::parse_rig, raystage::schemas::format_rig);
       break;
@@ -121,6 +122,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 18:
       round_trip(text, raystage::schemas::parse_imported_depths,
                  raystage::schemas::format_imported_depths);
+      break;
+    case 19:
+      round_trip(text, raystage::schemas::parse_fixity_catalogue,
+                 raystage::schemas::format_fixity_catalogue);
       break;
     case 5:
     default:

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -13,6 +14,7 @@
 
 #include "base/atomic_file.h"
 #include "testing/cli/test_command.h"
+#include "testing/store/sparse_take.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
@@ -318,6 +320,66 @@ TEST_F(FixityCommands, BadUsageAndInputExitWithTwo) {
   EXPECT_EQ(run("verify --depth deep " + quoted).exit_code, 2);
   testing::overwrite(take / "take.json", std::as_bytes(std::span("{}")));
   EXPECT_EQ(run("verify -q " + quoted).exit_code, 2);
+}
+
+/// Starts `raystage verify --catalogue` with a slow pace and kills it when the catalogue states
+/// progress.
+void kill_catalogue_run(const std::filesystem::path& takes) {
+  const std::string program = std::string(RAYSTAGE_BIN_DIR) + "/raystage-verify";
+  const pid_t process = ::fork();
+  ASSERT_GE(process, 0);
+  if (process == 0) {
+    ::execl(program.c_str(), program.c_str(), "--catalogue", takes.c_str(), "--limit-mbps", "0.4",
+            "-q", "-j", "1", static_cast<char*>(nullptr));
+    ::_exit(127);
+  }
+  const std::filesystem::path catalogue = takes / "raystage-fixity.json";
+  for (int i = 0; i < 600; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (std::filesystem::exists(catalogue) &&
+        read_file(catalogue).find("\"frames\"") != std::string::npos) {
+      break;
+    }
+  }
+  EXPECT_EQ(testing::run_raystage("verify -q --catalogue '" + takes.string() + "'").exit_code, 1)
+      << "two runs used one catalogue";
+  ::kill(process, SIGKILL);
+  int status = 0;
+  ASSERT_EQ(::waitpid(process, &status, 0), process);
+  ASSERT_TRUE(WIFSIGNALED(status));
+}
+
+TEST_F(FixityCommands, ACatalogueOfManyTakes) {
+  const std::filesystem::path takes = folder.path() / "takes";
+  testing::write_sparse_take(takes / "long", 800, 10'000);
+  kill_catalogue_run(takes);
+  const auto interrupted = nlohmann::json::parse(read_file(takes / "raystage-fixity.json"));
+  const auto& camera = interrupted["takes"][0]["progress"]["cameras"][0];
+  EXPECT_GT(camera["frames"], 0);
+  EXPECT_LT(camera["frames"], 800);
+  EXPECT_FALSE(interrupted["takes"][0].contains("last_check"));
+
+  testing::write_sparse_take(takes / "short", 2, 1000);
+  const std::string arguments = "verify -q --catalogue '" + takes.string() + "' ";
+  const testing::CommandResult first = run(arguments);
+  EXPECT_EQ(first.exit_code, 0) << first.output;
+  EXPECT_THAT(first.output,
+              HasSubstr("2 takes: 2 intact, 0 not yet checked, 0 due; 2 checked now"));
+  const auto second = nlohmann::json::parse(run(arguments + "--json -").output);
+  EXPECT_TRUE(second["good"]);
+  EXPECT_EQ(second["takes"].size(), 2U);
+  EXPECT_FALSE(second["takes"][1]["checked_now"]);
+  EXPECT_FALSE(second["takes"][1]["due"]);
+
+  std::filesystem::remove_all(takes / "short");
+  const testing::CommandResult missing = run(arguments + "--report");
+  EXPECT_EQ(missing.exit_code, 1);
+  EXPECT_THAT(missing.output, HasSubstr("short: missing since"));
+  EXPECT_EQ(run(arguments + "--forget-missing").exit_code, 0);
+  EXPECT_EQ(run(arguments + "--depth sizes").exit_code, 2);
+  EXPECT_EQ(run(arguments + quoted).exit_code, 2);
+  EXPECT_EQ(run("verify").exit_code, 2);
+  EXPECT_EQ(run("verify --catalogue '" + (folder.path() / "none").string() + "'").exit_code, 2);
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include "cli/command_line_parsing.h"
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
+#include "cli/verify_catalogue.h"
 #include "schemas/former_names.h"
 #include "store/fixity/manifest.h"
 #include "store/fixity/signature.h"
@@ -34,6 +35,7 @@ const std::map<std::string, store::VerifyDepth> kDepths{{"sizes", store::VerifyD
 
 struct Options {
   std::string take, json, depth = "hashes", manifest;
+  CatalogueCommandOptions catalogue;
   std::filesystem::path signing_key;
   store::Signers signers;
   bool decode = false, quiet = false;
@@ -153,6 +155,15 @@ Json json_of(const Options& options, const store::TakeFixityReport& report) {
 
 /// Throws Error (bad input) for options that do not fit together.
 void check_options(const Options& options) {
+  const bool is_catalogue = !options.catalogue.folder.empty();
+  if (options.take.empty() != is_catalogue) {
+    throw Error::bad_input("one take is checked, or the takes below a folder", "",
+                           "Give either TAKE or --catalogue FOLDER");
+  }
+  if (is_catalogue && (options.depth != "hashes" || options.decode || !options.manifest.empty())) {
+    throw Error::bad_input("--catalogue compares every byte with its recorded hash", "",
+                           "Omit --depth, --decode and --manifest");
+  }
   if (!options.signing_key.empty() && options.manifest != "write") {
     throw Error::bad_input("--sign signs the manifest that is written", "", "Add --manifest write");
   }
@@ -295,7 +306,7 @@ int main(int argc, char** argv) {
       "read\nat all.",
       "raystage verify");
   Options options;
-  command.option("TAKE", options.take, "Folder of the take").required();
+  command.option("TAKE", options.take, "Folder of the take (or --catalogue)");
   command
       .option("--depth TEXT", options.depth,
               "What to check: sizes = files exist and have their recorded sizes; journal = every "
@@ -328,11 +339,17 @@ int main(int argc, char** argv) {
       "Write the result as JSON to this file; - = to stdout, without the text (default: none)");
   command.option("-j,--threads", options.threads, "Cameras at once (default: 0, one per processor)")
       .limits(0, 1024);
+  add_catalogue_options(command, options.catalogue);
   add_follow_links_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
   return parse_and_run(command, argc, argv, "verify", [&](std::stop_token stop) {
     if (options.decode) options.depth = "hashes";
     check_options(options);
-    return verify(options, stop);
+    if (options.catalogue.folder.empty()) return verify(options, stop);
+    const tbb::global_control threads(
+        tbb::global_control::max_allowed_parallelism,
+        static_cast<std::size_t>(options.threads > 0 ? options.threads
+                                                     : tbb::info::default_concurrency()));
+    return verify_catalogue(options.catalogue, options.json, options.quiet, stop);
   });
 }

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/catalogue/check_takes.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <cstdlib>
+#include <map>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "store/take.h"
+#include "testing/store/sparse_take.h"
+#include "testing/test_folder.h"
+
+namespace raystage::store {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using Result = schemas::FixityCatalogue::Result;
+
+constexpr Nanoseconds kDay = 86'400 * kNanosecondsPerSecond;
+constexpr Nanoseconds kStart = 1'800'000'000 * kNanosecondsPerSecond;
+
+class CheckTakes : public ::testing::Test {
+ protected:
+  CheckTakes() {
+    for (const char* name : {"a", "group/b", "group/c"}) write(name);
+    options.now_utc = kStart;
+    options.save_seconds = 0;
+    options.on_checked = [this](const schemas::FixityCatalogue::Take& take) {
+      checked.push_back(take.path);
+    };
+  }
+  void write(const std::string& name, int frames = 5, std::size_t cameras = 2) const {
+    std::vector<std::vector<Nanoseconds>> times(cameras);
+    for (auto& column : times) {
+      for (int i = 0; i < frames; ++i) column.push_back(i * 50'000'000);
+    }
+    testing::write_take(folder.path() / name, times);
+  }
+  CatalogueReport run(Nanoseconds now = kStart) {
+    checked.clear();
+    options.now_utc = now;
+    return check_takes_below(folder.path(), options);
+  }
+  /// Flips a bit of a frame; with `secretly`, size and time of the file stay, as when a disk rots.
+  void flip(const std::string& name, int frame, bool secretly) const {
+    const fs::path file = folder.path() / name / "archive" / "c0.mkv";
+    const auto offset = Take(folder.path() / name).archive(0).frames()[frame].offset;
+    const auto time = fs::last_write_time(file);
+    auto bytes = testing::bytes_of(file);
+    bytes[offset + 4] ^= std::byte{1};
+    testing::overwrite(file, bytes);
+    fs::last_write_time(file, secretly ? time : time + std::chrono::seconds(1));
+  }
+  static const CatalogueEntry& entry(const CatalogueReport& report, const std::string& path) {
+    for (const CatalogueEntry& found : report.takes) {
+      if (found.take.path == path) return found;
+    }
+    throw std::runtime_error("no take " + path);
+  }
+
+  testing::TestFolder folder;
+  CatalogueOptions options;
+  std::vector<std::string> checked;
+};
+
+TEST_F(CheckTakes, ChecksWhatIsDueAndKeepsIt) {
+  const CatalogueReport first = run();
+  EXPECT_THAT(checked, ElementsAre("a", "group/b", "group/c"));
+  EXPECT_TRUE(first.is_good());
+  EXPECT_TRUE(entry(first, "a").is_new);
+  EXPECT_EQ(entry(first, "a").take.name, "test");
+  EXPECT_FALSE(entry(first, "a").is_due);
+  EXPECT_GT(first.bytes, 0U);
+
+  const CatalogueReport second = run(kStart + kDay);
+  EXPECT_THAT(checked, IsEmpty());
+  EXPECT_TRUE(second.is_good());
+  EXPECT_FALSE(entry(second, "a").is_new);
+  EXPECT_NEAR(static_cast<double>(entry(second, "a").due_utc - kStart), 90. * kDay, 1e11);
+
+  options.only_reports = true;
+  EXPECT_TRUE(entry(run(kStart + 91 * kDay), "a").is_due);
+  EXPECT_THAT(checked, IsEmpty());
+  options.only_reports = false;
+  run(kStart + 91 * kDay);
+  EXPECT_EQ(checked.size(), 3U);
+}
+
+TEST_F(CheckTakes, ReportsDamagedChangedMissingAndNewTakes) {
+  run();
+  flip("group/b", 1, false);
+  fs::rename(folder.path() / "a", folder.path() / "d");
+  const CatalogueReport report = run(kStart + kDay);
+  EXPECT_THAT(checked, ::testing::UnorderedElementsAre("d", "group/b"));
+  EXPECT_FALSE(report.is_good());
+  EXPECT_EQ(entry(report, "a").take.missing_since_utc, kStart + kDay);
+  EXPECT_TRUE(entry(report, "a").take.last_intact_utc);
+  EXPECT_TRUE(entry(report, "d").is_new);
+  const auto& damaged = entry(report, "group/b").take;
+  EXPECT_EQ(damaged.last_check->result, Result::kDamaged);
+  EXPECT_EQ(damaged.last_check->problem_count, 1);
+  EXPECT_THAT(damaged.last_check->problems.at(0), HasSubstr("wrong XXH3"));
+  EXPECT_TRUE(damaged.last_intact_utc);
+
+  EXPECT_FALSE(run(kStart + 2 * kDay).is_good()) << "the damage is still there";
+  EXPECT_THAT(checked, IsEmpty());
+  flip("group/b", 1, false);  // repaired
+  options.forgets_missing = true;
+  const CatalogueReport repaired = run(kStart + 3 * kDay);
+  EXPECT_THAT(checked, ElementsAre("group/b"));
+  EXPECT_TRUE(repaired.is_good());
+  EXPECT_EQ(repaired.takes.size(), 3U);
+}
+
+TEST_F(CheckTakes, RotThatLeavesNoTraceIsFoundWhenTheTakeIsDue) {
+  run();
+  flip("group/c", 2, true);
+  EXPECT_TRUE(run(kStart + 89 * kDay).is_good());
+  EXPECT_THAT(checked, IsEmpty());
+  const CatalogueReport due = run(kStart + 91 * kDay);
+  EXPECT_FALSE(due.is_good());
+  EXPECT_EQ(entry(due, "group/c").take.last_check->result, Result::kDamaged);
+}
+
+TEST_F(CheckTakes, AStoppedRunIsContinuedWhereItWas) {
+  for (const char* name : {"a", "group"}) fs::remove_all(folder.path() / name);
+  write("long", 400, 1);
+  std::stop_source stop;
+  options.stop = stop.get_token();
+  options.progress = [&](double share) {
+    if (share > 0.3) stop.request_stop();
+  };
+  const CatalogueReport stopped = run();
+  EXPECT_EQ(stopped.status, RunStatus::kStopped);
+  const auto& progress = entry(stopped, "long").take.progress;
+  ASSERT_TRUE(progress);
+  const std::int64_t frames = progress->cameras[0].frames;
+  EXPECT_GT(frames, 10);
+
+  // A frame that was checked is not read again: what happens to it meanwhile is not found. The
+  // others are read.
+  options.stop = {};
+  options.progress = {};
+  flip("long", 0, true);
+  EXPECT_TRUE(run(kStart + kDay).is_good());
+  EXPECT_FALSE(entry(run(kStart + kDay), "long").take.progress);
+  EXPECT_FALSE(run(kStart + 100 * kDay).is_good()) << "the next check reads all";
+}
+
+TEST_F(CheckTakes, AChangedTakeIsCheckedFromItsBeginning) {
+  for (const char* name : {"a", "group"}) fs::remove_all(folder.path() / name);
+  write("long", 400, 1);
+  std::stop_source stop;
+  options.stop = stop.get_token();
+  options.progress = [&](double share) {
+    if (share > 0.3) stop.request_stop();
+  };
+  run();
+  options.stop = {};
+  options.progress = {};
+  flip("long", 0, false);
+  EXPECT_FALSE(run().is_good());
+}
+
+TEST_F(CheckTakes, ASecondRunIsRefused) {
+  run();
+  const OutputFile lock(folder.path() / (std::string(".") + kCatalogueFile + ".lock"),
+                        OutputFile::Open::kExisting);
+  try {
+    run();
+    ADD_FAILURE() << "two runs used one catalogue";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+    EXPECT_THAT(error.what(), HasSubstr("used by another check"));
+  }
+}
+
+TEST_F(CheckTakes, ADamagedCatalogueIsRefusedAndKept) {
+  write_file_atomically(folder.path() / kCatalogueFile, std::string_view("{\"schema\": 1"));
+  EXPECT_THROW(run(), Error);
+  EXPECT_EQ(read_file(folder.path() / kCatalogueFile), "{\"schema\": 1");
+  options.file = folder.path() / "none" / "catalogue.json";
+  EXPECT_THROW(run(), Error);
+  EXPECT_THROW(check_takes_below(folder.path() / "none", options), Error);
+}
+
+TEST_F(CheckTakes, UnreadableTakesAndLinksAreNoReasonToStop) {
+  write_file_atomically(folder.path() / "a" / "take.json", std::string_view("{}"));
+  fs::create_directory_symlink(folder.path() / "group", folder.path() / "link");
+  const CatalogueReport report = run();
+  EXPECT_EQ(checked.size(), 3U);
+  EXPECT_EQ(entry(report, "a").take.last_check->result, Result::kUnreadable);
+  EXPECT_EQ(entry(report, "group/b").take.last_check->result, Result::kIntact);
+  EXPECT_FALSE(report.is_good());
+}
+
+/// RAYSTAGE_SPARSE_GB sets the size of the take (1 without it).
+TEST_F(CheckTakes, MemoryDoesNotGrowWithTheTake) {
+  for (const char* name : {"a", "group"}) fs::remove_all(folder.path() / name);
+  const char* const text = std::getenv("RAYSTAGE_SPARSE_GB");
+  const int gigabytes = text == nullptr ? 1 : std::atoi(text);
+  constexpr std::uint32_t kFrame = 50'000'000;
+  testing::write_sparse_take(folder.path() / "sparse", 20 * gigabytes, kFrame);
+  const auto peak = [] {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return static_cast<double>(usage.ru_maxrss) * 1024;
+  };
+  options.save_seconds = 5;
+  const double before = peak();
+  const CatalogueReport report = run();
+  EXPECT_EQ(entry(report, "sparse").take.last_check->result, Result::kIntact);
+  EXPECT_LT(peak() - before, 100e6);
+  std::printf("%d GB in %.1f s, peak memory %.0f MB\n", gigabytes, report.seconds, peak() / 1e6);
+}
+
+}  // namespace
+}  // namespace raystage::store

@@ -44,9 +44,10 @@ constexpr const char* kDescription =
     "  a Google model       models.json with camera_0001.mp4 etc.\n"
     "or a folder with one of them.\n\n"
     "JPEG files and Motion JPEG movies are stored byte for byte. Other images and movies are\n"
-    "encoded once. 16-bit images are rounded to 8 bits. Images of linear light (float, or\n"
-    "manifest with color_space lin_rec709_scene) are clipped to [0, 1] and stored as sRGB codes;\n"
-    "floating-point images without that color_space are rejected.\n\n"
+    "encoded once: as JPEG, or as JPEG XL where they have more than 8 bits. Floating-point images\n"
+    "become half floats of linear light and keep the primaries of an EXR file; they need a\n"
+    "manifest with color_space lin_rec709_scene. Images of 16 bits and movies of 10 bits or more\n"
+    "keep their codes. With --bits 8 all are rounded to 8-bit sRGB codes and clipped at white.\n\n"
     "With --depth TAKE it is a folder of depth maps: CAMERA/000001.exr or .png, or CAMERA.exr or\n"
     ".png if the take is a still light field. EXR files hold metres; PNG files hold codes of 16\n"
     "bits, for which --depth-near or --depth-unit is needed. 0, infinity and NaN are unknown\n"
@@ -56,6 +57,8 @@ constexpr const char* kDescription =
 struct Options {
   std::filesystem::path manifest, take;
   std::string images, epoch = "1970-01-01T00:00:00Z", chroma = "444";
+  std::string bits = "source";
+  double distance = 0;
   std::string restart_markers;  // empty, "default" or MCUs between two
   int quality = 95;
   std::optional<double> fps;
@@ -132,6 +135,16 @@ void declare(CommandLine& command, Options& options) {
                "--restart-markers=MCUS sets the MCUs between two (default: as many as make up to "
                "32 pixels, 16 in frames narrower than 640). Pixels stay identical. Without it JPEG "
                "input is stored as it is");
+  command
+      .option("--bits B", options.bits,
+              "Bits of a sample (default: source). source: images and movies of more than 8 bits "
+              "are stored as JPEG XL without loss; 8: they are rounded to 8 bits, as JPEG")
+      .one_of_listed({"source", "8"});
+  command
+      .option("--distance D", options.distance,
+              "Loss of the JPEG XL pictures, Butteraugli distance: 0 = none, 1 = visually "
+              "lossless (default: 0)")
+      .range(0, 15);
   command.option("--quality Q", options.quality, "JPEG quality of encoded images (default: 95)")
       .range(1, 100);
   command.option("--chroma S", options.chroma, "Chroma subsampling when encoding (default: 444)")
@@ -169,6 +182,8 @@ ingest::ImportOptions settings_from(const Options& options) {
       {"444", Chroma::k444}, {"422", Chroma::k422}, {"420", Chroma::k420}};
   ingest::ImportOptions settings;
   settings.encode.quality = options.quality;
+  settings.keep_depth = options.bits == "source";
+  settings.distance = options.distance;
   settings.encode.chroma = kChroma.at(options.chroma);
   if (!options.restart_markers.empty()) {
     settings.restart_markers = restart_interval_from(options.restart_markers);
@@ -242,10 +257,16 @@ ExitCode run(const Options& options, std::stop_token stop) {
   const auto summary =
       ingest::import_take(source.manifest, source.base, options.take, settings, stop);
   constexpr double kMegabyte = 1e6;
-  print("{}: {} cameras, {} frames, {:.1f} MB ({} stored unchanged, {} rewritten, {} encoded)\n",
+  const std::string deep =
+      summary.deep == 0 ? std::string() : fmt::format(", {} with more than 8 bits", summary.deep);
+  print("{}: {} cameras, {} frames, {:.1f} MB ({} stored unchanged, {} rewritten, {} encoded{})\n",
         options.take.string(), summary.cameras, summary.frames,
         static_cast<double>(summary.jpeg_bytes) / kMegabyte, summary.copied, summary.rewritten,
-        summary.encoded);
+        summary.encoded, deep);
+  if (summary.not_finite > 0) {
+    print_error("note: {} samples were infinite or not numbers; they were stored as 65504 or 0\n",
+                summary.not_finite);
+  }
   print_depth_range_hint(options.take);
   return ExitCode::kSuccess;
 }

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <set>
@@ -140,6 +141,51 @@ std::string restart_markers(const store::TakeSummary& summary) {
   if (without == 0) return "restart markers: parts of frames can be decoded";
   if (with == 0) return "no restart markers: frames are decoded as a whole";
   return fmt::format("restart markers in {} of {} cameras", with, with + without);
+}
+
+const char* samples_name(const schemas::PixelEncoding& pixels) {
+  return pixels.samples == schemas::PixelEncoding::Samples::kHalf ? "half" : "integer";
+}
+
+const char* transfer_name(const schemas::PixelEncoding& pixels) {
+  switch (pixels.transfer) {
+    case schemas::PixelEncoding::Transfer::kLinear:
+      return "linear";
+    case schemas::PixelEncoding::Transfer::kSrgb:
+      return "srgb";
+    case schemas::PixelEncoding::Transfer::kPq:
+      return "pq";
+    case schemas::PixelEncoding::Transfer::kHlg:
+      return "hlg";
+  }
+  return "unknown";
+}
+
+std::string describe(const schemas::PixelEncoding& pixels) {
+  const bool is_half = pixels.samples == schemas::PixelEncoding::Samples::kHalf;
+  return (is_half ? std::string("half floats of linear light")
+                  : fmt::format("{} bits, {}", pixels.bits, transfer_name(pixels))) +
+         (pixels.chromaticities ? ", other primaries than Rec.709" : "");
+}
+
+/// Returns the forms of samples of more than 8 bits, and their brightest light; empty: none.
+std::string deep_pixels(const store::TakeSummary& summary) {
+  std::map<std::string, int> forms;
+  double peak = 0;
+  for (const Camera& camera : summary.cameras) {
+    if (!camera.pixels) continue;
+    ++forms[describe(*camera.pixels)];
+    peak = std::max(peak, camera.pixels->peak);
+  }
+  std::string text;
+  for (const auto& [form, cameras] : forms) {
+    text += text.empty() ? "" : "; ";
+    text += form;
+    if (cameras < static_cast<int>(summary.cameras.size())) {
+      text += fmt::format(" in {} of {} cameras", cameras, summary.cameras.size());
+    }
+  }
+  return text.empty() ? text : fmt::format("JPEG XL, {}; up to {:.3g} times white", text, peak);
 }
 
 std::string resolutions(const store::TakeSummary& summary) {
@@ -281,7 +327,9 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
   line("Colour", document.color_space);
   line("Clock", fmt::format("{}; time stamps mark {}", document.clock, document.timestamp_event));
   line("Shutter", shutter_text(summary.shutters));
-  line("JPEG", restart_markers(summary));
+  const bool has_jpeg = count_of(summary, [](const Camera& c) { return !c.pixels; }) > 0;
+  if (has_jpeg) line("JPEG", restart_markers(summary));
+  if (const std::string text = deep_pixels(summary); !text.empty()) line("Pixels", text);
   const auto is_packed = [](const Camera& c) { return c.packed; };
   if (const long packed = count_of(summary, is_packed); packed > 0) {
     std::uint64_t frames = 0;
@@ -344,6 +392,15 @@ Json json_of(const Camera& camera) {
             {"damaged_records", camera.damaged_records},
             {"unverified_frames", camera.unverified}};
   json["restart_markers"] = camera.restart_markers ? Json(*camera.restart_markers) : Json();
+  if (camera.pixels) {
+    json["pixels"] = {{"samples", samples_name(*camera.pixels)},
+                      {"bits", camera.pixels->bits},
+                      {"transfer", transfer_name(*camera.pixels)},
+                      {"peak", camera.pixels->peak}};
+    if (camera.pixels->chromaticities) {
+      json["pixels"]["chromaticities"] = *camera.pixels->chromaticities;
+    }
+  }
   if (!camera.error.empty()) json["error"] = camera.error;
   return json;
 }

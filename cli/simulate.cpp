@@ -29,6 +29,7 @@ struct Options {
   double spacing_mm = 60, mounting_mm = 3, jitter_ms = 0.2, clock_offset_ms = 5;
   std::vector<double> spheres;  ///< x, y, z and radius of each
   int threads = 0;
+  int bits = 0;  ///< 0: 16 of an HDR scene, else 8
   bool no_restart_markers = false, quiet = false;
 };
 
@@ -119,6 +120,14 @@ void add_time_options(CommandLine command, Options& o) {
 
 void add_picture_options(CommandLine command, Options& o) {
   simulate::SimulationOptions& s = o.settings;
+  command.flag("--hdr", s.hdr,
+               "Lamps 64 times as bright as white, so that the scene spans 14 stops. Frames are "
+               "half floats as JPEG XL, and truth/VIEW.light.exr holds the linear light of views");
+  command
+      .option("--bits N", o.bits,
+              "Bits of a sample: 8 = JPEG, clipped at white; 16 = half floats as JPEG XL; "
+              "0 = 16 with --hdr, otherwise 8")
+      .one_of_listed({"0", "8", "16"});
   command.option("--noise", s.noise,
                  "Standard deviation of sensor noise at full scale 1, proportional to the square "
                  "root of the light, 0-1");
@@ -169,6 +178,7 @@ ExitCode run(Options& o, std::stop_token stop) {
   s.jitter = o.jitter_ms / 1000;
   s.clock_offset = o.clock_offset_ms / 1000;
   s.nominal_calibration = o.calibration == "nominal";
+  s.records_half = o.bits == 16 || (o.bits == 0 && s.hdr);
   s.jpeg.restart_interval = o.no_restart_markers ? 0 : -1;
   using Chroma = store::JpegEncodeOptions::Chroma;
   s.jpeg.chroma = o.chroma == "420"   ? Chroma::k420

@@ -20,6 +20,8 @@
 #include "compose/exr/scanline_file.h"
 #include "render/common/view.h"
 #include "schemas/rig_document.h"
+#include "store/pixel_light.h"
+#include "store/processing/frames/blend_space.h"
 
 namespace raystage::exports {
 namespace {
@@ -33,8 +35,21 @@ rig::PictureSize size_of(const store::Take& take, int camera) {
 
 store::CodeScale scale_of(const store::Take& take, int camera) {
   const schemas::PhotometricResponse& response = take.rig().cameras[camera].photometric;
+  if (const auto& pixels = take.document().cameras[camera].pixels) {
+    return {store::BlendSpace::kHighRange,
+            store::max_linear_light(response, size_of(take, camera), *pixels)};
+  }
   return {store::BlendSpace::kPerceptual,
           store::max_linear_light(response, size_of(take, camera), take.document())};
+}
+
+store::PhotometricCorrection correction_of(const store::Take& take, int camera) {
+  const schemas::PhotometricResponse& response = take.rig().cameras[camera].photometric;
+  const store::CodeScale scale = scale_of(take, camera);
+  if (const auto& pixels = take.document().cameras[camera].pixels) {
+    return {response, size_of(take, camera), *pixels, scale};
+  }
+  return {response, size_of(take, camera), take.document(), scale};
 }
 
 compose::ExrMetadata metadata_of(const store::Take& take, double fps,
@@ -111,12 +126,21 @@ FrameExrEncoder::FrameExrEncoder(const store::Take& take, int camera, double fps
       metadata_(metadata_of(take, fps, options_)),
       view_(camera_of(take.rig().cameras[camera])),
       scale_(scale_of(take, camera)),
-      correction_(take.rig().cameras[camera].photometric, size_of(take, camera), take.document(),
-                  scale_),
+      correction_(correction_of(take, camera)),
       light_(kLevels) {
   for (std::size_t level = 0; level < kLevels; ++level) {
-    light_[level] = static_cast<float>(
-        linear_from_srgb(static_cast<double>(level) / (kLevels - 1)) * scale_.full_scale);
+    const double value = static_cast<double>(level) / (kLevels - 1);
+    light_[level] =
+        static_cast<float>(store::part_from_value(scale_.space, value) * scale_.full_scale);
+  }
+  const auto& pixels = take.document().cameras[camera].pixels;
+  const schemas::PhotometricResponse& response = take.rig().cameras[camera].photometric;
+  if (!pixels || pixels->chromaticities || store::needs_per_pixel_correction(response)) return;
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t sample = 0; sample < store::kSampleValues; ++sample) {
+      light_of_sample_.push_back(static_cast<float>(store::PhotometricCorrection::light_of_sample(
+          response, *pixels, c, static_cast<std::uint16_t>(sample))));
+    }
   }
 }
 
@@ -140,8 +164,29 @@ Imf::Header FrameExrEncoder::header_of(const ChosenFrame& frame) const {
   return header;
 }
 
-std::vector<std::byte> FrameExrEncoder::encode(const SourceFrames::Ready& ready,
-                                               SourceFrames& /*source*/) {
+std::vector<float> FrameExrEncoder::deep_pixels_of(const ChosenFrame& frame) const {
+  const auto [width, height] = size_of(take_, camera_);
+  constexpr std::size_t kChannels = 4;
+  std::vector<float> pixels(kChannels * static_cast<std::size_t>(width) *
+                            static_cast<std::size_t>(height));
+  if (frame.source < 0) return pixels;  // black
+  const store::DeepPicture picture = take_.archive(camera_).picture(frame.source);
+  if (light_of_sample_.empty()) {
+    Image<std::uint16_t, 4> levels(width, height);
+    correction_.convert(picture, levels.values);
+    for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = light_[levels.values[i]];
+    return pixels;
+  }
+  for (std::size_t i = 0, from = 0; i < pixels.size(); i += kChannels) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      pixels[i + c] = light_of_sample_[c * store::kSampleValues + picture.samples[from++]];
+    }
+  }
+  return pixels;
+}
+
+std::vector<float> FrameExrEncoder::pixels_of(const SourceFrames::Ready& ready) {
+  if (take_.document().cameras[camera_].pixels) return deep_pixels_of(ready.frame);
   const std::string& id = take_.document().cameras[camera_].id;
   const store::JpegLayout layout = store::parse_jpeg_layout(ready.jpeg, id);
   const auto [width, height] = size_of(take_, camera_);
@@ -157,9 +202,14 @@ std::vector<std::byte> FrameExrEncoder::encode(const SourceFrames::Ready& ready,
   correction_.correct(levels.values, layout, all);
   std::vector<float> pixels(levels.values.size());
   for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = light_[levels.values[i]];
+    return pixels;
+}
+
+std::vector<std::byte> FrameExrEncoder::encode(const SourceFrames::Ready& ready,
+                                               SourceFrames& /*source*/) {
+    std::vector<float> pixels = pixels_of(ready);
   // Four values a pixel, of which a linear transform leaves the last as it is.
   if (options_.color.from_scene) options_.color.from_scene->apply(pixels);
-
   compose::ScanlinePart part{header_of(ready.frame), {}};
   for (const auto& [name, channel] : {std::pair{"B", 2}, std::pair{"G", 1}, std::pair{"R", 0}}) {
     part.channels.push_back({name, true, pixels.data() + channel, 4, 0});

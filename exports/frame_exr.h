@@ -23,6 +23,9 @@ class FrameExrEncoder : public ImageEncoder {
 
  private:
   Imf::Header header_of(const ChosenFrame& frame) const;
+  std::vector<float> pixels_of(const SourceFrames::Ready& ready);
+  /// The same of a frame of more than 8 bits.
+  std::vector<float> deep_pixels_of(const ChosenFrame& frame) const;
 
   const store::Take& take_;
   int camera_;
@@ -32,6 +35,9 @@ class FrameExrEncoder : public ImageEncoder {
   store::CodeScale scale_;
   store::PhotometricCorrection correction_;
   std::vector<float> light_;  ///< of each level
+  /// Light of each sample of more than 8 bits, R, G, B one after the other, if nothing else than a
+  /// table is needed: exact, unlike levels. Empty: levels are used.
+  std::vector<float> light_of_sample_;
   store::JpegDecoder decoder_;
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -23,6 +24,8 @@ struct ExrChannelData {
   std::string time_code;  ///< of the header, "HH:MM:SS:FF"; empty if absent
   /// Attributes `colorInteropID` (ASWF ColorInterop) and `lf:colorSpace` (config's name), or empty.
   std::string color_interop_id, color_space;
+  /// Attribute `chromaticities`: CIE x, y of red, green, blue and white; nullopt: absent.
+  std::optional<std::array<float, 8>> chromaticities = std::nullopt;
   bool is_equirectangular = false;  ///< attribute `envmap`: longitude by latitude
 };
 

@@ -131,6 +131,11 @@ ExrChannelData read_part(Imf::MultiPartInputFile& file_parts, int part,
   pixels.time_code = time_code_of(header);
   pixels.color_interop_id = text_of(header, "colorInteropID");
   pixels.color_space = text_of(header, "lf:colorSpace");
+  if (Imf::hasChromaticities(header)) {
+    const Imf::Chromaticities& c = Imf::chromaticities(header);
+    pixels.chromaticities = {c.red.x,  c.red.y,  c.green.x, c.green.y,
+                             c.blue.x, c.blue.y, c.white.x, c.white.y};
+  }
   pixels.is_equirectangular = Imf::hasEnvmap(header) && Imf::envmap(header) == Imf::ENVMAP_LATLONG;
   return pixels;
 }

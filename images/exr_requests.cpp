@@ -36,6 +36,8 @@ void write_channel_data(sandbox::ByteWriter& writer, const ExrChannelData& data)
   writer.write_plain(data.color_interop_id);
   writer.write_plain(data.color_space);
   writer.write(std::uint8_t{data.is_equirectangular});
+  writer.write(std::uint8_t{data.chromaticities.has_value()});
+  if (data.chromaticities) writer.write(*data.chromaticities);
   writer.write_plain(data.values);
 }
 
@@ -51,6 +53,7 @@ ExrChannelData read_channel_data(sandbox::ByteReader& reader, std::size_t channe
     text->resize(std::min(text->size(), kMaxText));
   }
   data.is_equirectangular = reader.read_flag();
+  if (reader.read_flag()) reader.read(data.chromaticities.emplace());
   reader.read_plain(data.values);
   const std::int64_t pixels = std::int64_t{data.width} * data.height;
   sandbox::ByteReader::require(data.width > 0 && data.height > 0 && pixels <= kMaxPixels &&

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Imports images and movies as a take. JPEG is stored byte for byte or with added restart markers;
-// other formats are encoded. Cameras run in parallel, each with one frame in memory.
+// other formats are encoded: as JPEG, or, with more than 8 bits, as JPEG XL pictures. Cameras run
+// in parallel, each with one frame in memory.
 #include "ingest/import_take.h"
 
 #include <fmt/format.h>
@@ -15,9 +16,11 @@
 #include "base/error.h"
 #include "base/options.h"
 #include "base/parallel.h"
+#include "ingest/deep_source.h"
 #include "ingest/movie_reader.h"
 #include "ingest/source_image.h"
 #include "store/jpeg/layout.h"
+#include "store/jpegxl/picture_codec.h"
 #include "store/take.h"
 
 namespace raystage::ingest {
@@ -46,15 +49,21 @@ class Importer {
   }
 
   void check_files() const;
-  void import_camera(const schemas::ImportManifest::Camera& camera, store::ArchiveWriter& archive,
-                     const ParallelLoop& loop);
+  /// Returns the encoding of each camera's pictures of more than 8 bits; nullopt: it has JPEG.
+  std::vector<std::optional<schemas::PixelEncoding>> encodings() const;
+  /// Returns the brightest light of the camera's pictures of more than 8 bits.
+  double import_camera(const schemas::ImportManifest::Camera& camera,
+                       const std::optional<schemas::PixelEncoding>& encoding,
+                       store::ArchiveWriter& archive, const ParallelLoop& loop);
   ImportSummary summary() const;
 
  private:
   struct Target {
     const schemas::CameraGeometry& geometry;
+    const std::optional<schemas::PixelEncoding>& encoding;  // of pictures of more than 8 bits
     store::ArchiveWriter& archive;
     const ParallelLoop& loop;  // over all cameras
+    double& peak;              // brightest light so far
     SourceImageSize size() const { return {geometry.width, geometry.height}; }
   };
 
@@ -64,6 +73,8 @@ class Importer {
   void append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target,
                    const std::string& name);
   void append_image(const store::RgbImage& image, Nanoseconds time, const Target& target);
+  void append_deep(const DeepSource& source, Nanoseconds time, const Target& target,
+                   const std::string& name);
   void append(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target);
   Nanoseconds time_of(const schemas::ImportManifest::Camera& camera, std::size_t frame) const;
   void report_progress(std::int64_t done, std::int64_t total) const;
@@ -74,9 +85,12 @@ class Importer {
   const ImportOptions& options_;
   const std::stop_token stop_;
   const images::ImageReader reader_;
+  const images::ExrReader exr_reader_;
+  const store::PictureCodec codec_;
   std::int64_t total_ = 0;
   bool all_counted_ = true;  // false: progress counts cameras instead of frames
-  std::atomic<std::int64_t> copied_ = 0, rewritten_ = 0, encoded_ = 0, done_ = 0, cameras_done_ = 0;
+  std::atomic<std::int64_t> copied_ = 0, rewritten_ = 0, encoded_ = 0, deep_ = 0, not_finite_ = 0,
+                            done_ = 0, cameras_done_ = 0;
   std::atomic<std::uint64_t> jpeg_bytes_ = 0;
 };
 
@@ -96,9 +110,24 @@ void Importer::check_files() const {
   }
 }
 
-void Importer::import_camera(const schemas::ImportManifest::Camera& camera,
-                             store::ArchiveWriter& archive, const ParallelLoop& loop) {
-  const Target target{camera.geometry, archive, loop};
+std::vector<std::optional<schemas::PixelEncoding>> Importer::encodings() const {
+  std::vector<std::optional<schemas::PixelEncoding>> result(manifest_.cameras.size());
+  if (!options_.keep_depth) return result;
+  raystage::parallel_for(std::size_t{0}, result.size(), [&](std::size_t i) {
+    const schemas::ImportManifest::Camera& camera = manifest_.cameras[i];
+    result[i] =
+        camera.movie.empty()
+            ? deep_encoding_of_image(reader_, exr_reader_, base_ / camera.frames[0].file, linear())
+            : deep_encoding_of_movie(MovieReader(base_ / camera.movie).format());
+  });
+  return result;
+}
+
+double Importer::import_camera(const schemas::ImportManifest::Camera& camera,
+                               const std::optional<schemas::PixelEncoding>& encoding,
+                               store::ArchiveWriter& archive, const ParallelLoop& loop) {
+  double peak = 0;
+  const Target target{camera.geometry, encoding, archive, loop, peak};
   if (!camera.movie.empty()) import_movie(camera, target);
   for (const schemas::ImportManifest::Frame& frame : camera.frames) {
     stop_if_asked(target);
@@ -106,6 +135,7 @@ void Importer::import_camera(const schemas::ImportManifest::Camera& camera,
   }
   const std::int64_t done = ++cameras_done_;
   if (!all_counted_) report_progress(done, static_cast<std::int64_t>(manifest_.cameras.size()));
+  return peak;
 }
 
 /// Returns the time of a movie's frame.
@@ -120,9 +150,26 @@ void Importer::import_file(const schemas::ImportManifest::Frame& frame, const Ta
   const std::filesystem::path file = base_ / frame.file;
   const std::string text = read_file(file);
   const auto bytes = std::as_bytes(std::span(text));
-  if (is_jpeg(bytes)) {
+  if (target.encoding) {
+    if (is_jpeg(bytes)) {
+      throw Error::bad_input(
+          fmt::format("the image is JPEG, but the first one of camera \"{}\" has "
+                      "more than 8 bits",
+                      target.geometry.id),
+          file.string(), "Give all images of a camera one depth, or import with 8 bits");
+    }
+    append_deep(read_deep_image(reader_, exr_reader_, file, target.size(), *target.encoding),
+                frame.time_ns, target, file.string());
+  } else if (is_jpeg(bytes)) {
     append_jpeg(bytes, frame.time_ns, target, file.string());
   } else {
+    if (options_.keep_depth && deep_encoding_of_image(reader_, exr_reader_, file, linear())) {
+      throw Error::bad_input(fmt::format("the image has more than 8 bits, but the first one of "
+                                         "camera \"{}\" has not",
+                                         target.geometry.id),
+                             file.string(),
+                             "Give all images of a camera one depth, or import with 8 bits");
+    }
     append_image(read_source_image(reader_, file, target.size(), linear()), frame.time_ns, target);
   }
 }
@@ -139,7 +186,7 @@ void Importer::import_movie(const schemas::ImportManifest::Camera& camera, const
   MovieReader movie(file);
   MovieFrame frame;
   std::size_t count = 0;
-  for (; movie.next(frame); ++count) {
+  for (; movie.next(frame, target.encoding.has_value()); ++count) {
     stop_if_asked(target);
     if (times > 0 && count == times)
       refuse_count(count + 1 + static_cast<std::size_t>(movie.skip_rest()));
@@ -147,9 +194,15 @@ void Importer::import_movie(const schemas::ImportManifest::Camera& camera, const
     if (!frame.jpeg.empty()) {
       append_jpeg(frame.jpeg, time_of(camera, count), target, name);
     } else {
-      if (linear()) {
+      if (linear() && !target.encoding) {
         throw Error::bad_input("color_space is \"lin_rec709_scene\", but a movie is not linear",
                                file.string(), "Set color_space to \"srgb_texture\"");
+      }
+      if (target.encoding) {
+        check_image_size({frame.deep.width, frame.deep.height}, target.size(), name);
+        append_deep(deep_source_of_movie(frame.deep, *target.encoding), time_of(camera, count),
+                    target, name);
+        continue;
       }
       check_image_size({frame.image.width, frame.image.height}, target.size(), name);
       append_image(frame.image, time_of(camera, count), target);
@@ -183,6 +236,15 @@ void Importer::append_image(const store::RgbImage& image, Nanoseconds time, cons
   ++encoded_;
 }
 
+void Importer::append_deep(const DeepSource& source, Nanoseconds time, const Target& target,
+                           const std::string& name) {
+  append(codec_.encode(source.picture, *target.encoding, {.distance = options_.distance}, name),
+         time, target);
+  target.peak = std::max(target.peak, source.peak);
+  not_finite_ += source.not_finite;
+  ++deep_;
+}
+
 void Importer::append(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target) {
   target.archive.append(jpeg, time);
   jpeg_bytes_ += jpeg.size();
@@ -208,11 +270,14 @@ ImportSummary Importer::summary() const {
           .copied = copied_,
           .rewritten = rewritten_,
           .encoded = encoded_,
+          .deep = deep_,
+          .not_finite = not_finite_,
           .jpeg_bytes = jpeg_bytes_};
 }
 
-schemas::TakeDocument take_document(const schemas::ImportManifest& manifest,
-                                    const ImportOptions& options) {
+schemas::TakeDocument take_document(
+    const schemas::ImportManifest& manifest, const ImportOptions& options,
+    const std::vector<std::optional<schemas::PixelEncoding>>& encodings) {
   schemas::TakeDocument take;
   take.name = manifest.name;
   take.created_by = options.created_by;
@@ -223,7 +288,11 @@ schemas::TakeDocument take_document(const schemas::ImportManifest& manifest,
   take.arbitrary_scale = manifest.arbitrary_scale;
   take.depth_range = manifest.depth_range;
   for (const auto& camera : manifest.cameras) {
-    take.cameras.push_back({.id = camera.geometry.id, .archive = {}, .journal = {}, .node = {}});
+    take.cameras.push_back({.id = camera.geometry.id,
+                            .archive = {},
+                            .journal = {},
+                            .node = {},
+                            .pixels = encodings[take.cameras.size()]});
   }
   return take;
 }
@@ -239,6 +308,7 @@ schemas::RigDocument rig_of(const schemas::ImportManifest& manifest) {
 
 bool ImportOptions::is_valid(std::string* reason) const {
   return encode.is_valid(reason) &&
+         is_within("distance of pictures", distance, 0.0, 15.0, reason) &&
          is_within("restart interval (MCUs)", restart_markers.value_or(0), -1, 65535, reason);
 }
 
@@ -249,9 +319,15 @@ ImportSummary import_take(const schemas::ImportManifest& manifest,
   require_valid(options, "import");
   Importer importer(manifest, base, options, std::move(stop));
   importer.check_files();
-  store::TakeWriter writer(take_folder, take_document(manifest, options), rig_of(manifest));
+  const auto encodings = importer.encodings();
+  store::TakeWriter writer(take_folder, take_document(manifest, options, encodings),
+                           rig_of(manifest));
   const auto import_camera = [&](std::size_t index, const ParallelLoop& loop) {
-    importer.import_camera(manifest.cameras[index], writer.archive(static_cast<int>(index)), loop);
+    const auto camera = static_cast<int>(index);
+    const double peak = importer.import_camera(manifest.cameras[index], encodings[index],
+                                               writer.archive(camera), loop);
+    constexpr double kLeastPeak = 1e-3;  // of black pictures
+    if (encodings[index]) writer.set_peak(camera, std::max(peak, kLeastPeak));
   };
   raystage::parallel_for(std::size_t{0}, manifest.cameras.size(), import_camera);
   writer.commit();

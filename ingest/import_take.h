@@ -20,6 +20,10 @@ struct ImportOptions {
   /// Interval in MCUs of the restart markers that are added to JPEG input without a change of its
   /// coefficients (-1: default_restart_interval). Without a value JPEG is stored byte for byte.
   std::optional<int> restart_markers{};
+  /// Whether images and movies of more than 8 bits keep them, as JPEG XL pictures; false: rounded
+  /// to 8 bits, as JPEG.
+  bool keep_depth = true;
+  double distance = 0;       ///< of these pictures, see store::PictureCompression
   std::string created_by{};  ///< program and version, for take.json
   /// Called with the fraction done, in [0, 1], from any thread. May be empty.
   std::function<void(double)> progress{};
@@ -29,8 +33,11 @@ struct ImportOptions {
 struct ImportSummary {
   int cameras = 0;
   std::int64_t frames = 0;
-  std::int64_t copied = 0, rewritten = 0, encoded = 0;  ///< frames; their sum is `frames`
-  std::uint64_t jpeg_bytes = 0;                         ///< of all stored frames
+  std::int64_t copied = 0, rewritten = 0, encoded = 0;  ///< JPEG frames
+  std::int64_t deep = 0;  ///< frames of more than 8 bits; with the above their sum is `frames`
+  /// Samples of these that were infinite or not numbers: stored as the largest half float or 0.
+  std::int64_t not_finite = 0;
+  std::uint64_t jpeg_bytes = 0;  ///< of all stored frames
 };
 
 /// Returns the rig of the cameras of a manifest, with its name.

@@ -33,6 +33,8 @@ struct MovieDecoder::State {
   bool read_packet();
   bool decode();
   void convert(store::RgbImage& image);
+  void convert(store::DeepPicture& picture);
+  void convert(AVPixelFormat target, std::uint8_t* values, int row_bytes);
 };
 
 void MovieDecoder::State::open() {
@@ -113,11 +115,30 @@ bool MovieDecoder::State::decode() {
 }
 
 void MovieDecoder::State::convert(store::RgbImage& image) {
+  image.width = picture->width;
+  image.height = picture->height;
+  image.values.resize(static_cast<std::size_t>(image.width) *
+                      static_cast<std::size_t>(image.height) * 3);
+  convert(AV_PIX_FMT_RGB24, image.values.data(), image.width * 3);
+}
+
+void MovieDecoder::State::convert(store::DeepPicture& deep) {
+  constexpr int kPixelBytes = 3 * sizeof(std::uint16_t);
+  deep.width = picture->width;
+  deep.height = picture->height;
+  deep.samples.resize(static_cast<std::size_t>(deep.width) * static_cast<std::size_t>(deep.height) *
+                      3);
+  convert(AV_PIX_FMT_RGB48, reinterpret_cast<std::uint8_t*>(deep.samples.data()),
+          deep.width * kPixelBytes);
+}
+
+/// Converts the decoded picture to RGB.
+void MovieDecoder::State::convert(AVPixelFormat target, std::uint8_t* values, int row_bytes) {
   const auto source = static_cast<AVPixelFormat>(picture->format);
   // sws_getCachedContext returns the given context or frees and replaces it.
   scaler.reset(sws_getCachedContext(
       scaler.release(), picture->width, picture->height, source, picture->width, picture->height,
-      AV_PIX_FMT_RGB24,
+      target,
       SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP | SWS_BITEXACT,
       nullptr, nullptr, nullptr));
   if (!scaler) throw damaged("its pixel format cannot be converted to RGB");
@@ -132,12 +153,8 @@ void MovieDecoder::State::convert(store::RgbImage& image) {
   // The call fails only for RGB sources, which have neither matrix nor range.
   sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(matrix), full_range ? 1 : 0,
                            sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, kUnchanged, kUnchanged);
-  image.width = picture->width;
-  image.height = picture->height;
-  image.values.resize(static_cast<std::size_t>(image.width) *
-                      static_cast<std::size_t>(image.height) * 3);
-  const std::array<std::uint8_t*, 4> planes{image.values.data(), nullptr, nullptr, nullptr};
-  const std::array<int, 4> strides{image.width * 3, 0, 0, 0};
+  const std::array<std::uint8_t*, 4> planes{values, nullptr, nullptr, nullptr};
+  const std::array<int, 4> strides{row_bytes, 0, 0, 0};
   const int rows = sws_scale(scaler.get(), picture->data, picture->linesize, 0, picture->height,
                              planes.data(), strides.data());
   if (rows != picture->height) throw damaged("it cannot be converted to RGB");
@@ -151,18 +168,34 @@ MovieDecoder::MovieDecoder(std::filesystem::path file) : state_(std::make_unique
 
 MovieDecoder::~MovieDecoder() = default;
 
-double MovieDecoder::frame_rate() const {
-  AVFormatContext* format = state_->format.get();
-  const AVRational rate = av_guess_frame_rate(format, format->streams[state_->stream], nullptr);
-  return rate.num > 0 && rate.den > 0 ? av_q2d(rate) : 0;
+MovieFormat MovieDecoder::format() const {
+  using Transfer = schemas::PixelEncoding::Transfer;
+  AVFormatContext* context = state_->format.get();
+  AVStream* const stream = context->streams[state_->stream];
+  const AVRational rate = av_guess_frame_rate(context, stream, nullptr);
+  MovieFormat format;
+  format.frame_rate = rate.num > 0 && rate.den > 0 ? av_q2d(rate) : 0;
+  const AVCodecParameters& coded = *stream->codecpar;
+  const AVPixFmtDescriptor* const pixels =
+      av_pix_fmt_desc_get(static_cast<AVPixelFormat>(coded.format));
+  if (state_->codec && pixels != nullptr) format.bits = pixels->comp[0].depth;
+  if (coded.color_trc == AVCOL_TRC_SMPTE2084) format.transfer = Transfer::kPq;
+  if (coded.color_trc == AVCOL_TRC_ARIB_STD_B67) format.transfer = Transfer::kHlg;
+  if (coded.color_trc == AVCOL_TRC_LINEAR) format.transfer = Transfer::kLinear;
+  format.has_bt2020_primaries = coded.color_primaries == AVCOL_PRI_BT2020;
+  return format;
 }
 
-bool MovieDecoder::next(MovieFrame& frame) {
+bool MovieDecoder::next(MovieFrame& frame, bool is_deep) {
   State& state = *state_;
   frame.jpeg.clear();
   if (state.codec) {
     if (!state.decode()) return false;
-    state.convert(frame.image);
+    if (is_deep) {
+      state.convert(frame.deep);
+    } else {
+      state.convert(frame.image);
+    }
   } else {
     if (!state.read_packet()) return false;
     const auto* bytes = reinterpret_cast<const std::byte*>(state.packet->data);

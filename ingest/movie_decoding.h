@@ -21,11 +21,11 @@ class MovieDecoder {
   MovieDecoder(const MovieDecoder&) = delete;
   MovieDecoder& operator=(const MovieDecoder&) = delete;
 
-  /// Returns the frames per second that the file states; 0 if it states none.
-  double frame_rate() const;
+  MovieFormat format() const;
 
-  /// Reads the next frame; returns false at the end. Throws Error (bad input) if it is damaged.
-  bool next(MovieFrame& frame);
+  /// Reads the next frame; returns false at the end. `is_deep`: into MovieFrame::deep instead of
+  /// `image`. Throws Error (bad input) if it is damaged.
+  bool next(MovieFrame& frame, bool is_deep);
 
  private:
   struct State;

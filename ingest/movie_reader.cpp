@@ -36,10 +36,18 @@ MovieReader::MovieReader(std::filesystem::path file)
                            file_.string(), "Check that the file exists and is a movie");
   }
   constexpr double kLargestRate = 1e6;
-  frame_rate_ =
+  format_ =
       sandbox::read_answer(ask(MovieRequest::kOpen), kKind, file_, [](sandbox::ByteReader& reader) {
-        const auto rate = reader.read<double>();
-        return rate > 0 && rate <= kLargestRate ? rate : 0.0;
+        MovieFormat format;
+        reader.read(format.frame_rate);
+        if (!(format.frame_rate > 0 && format.frame_rate <= kLargestRate)) format.frame_rate = 0;
+        reader.read(format.bits);
+        const auto transfer = reader.read<std::uint8_t>();
+        using Transfer = schemas::PixelEncoding::Transfer;
+        sandbox::ByteReader::require(transfer <= static_cast<std::uint8_t>(Transfer::kHlg));
+        format.transfer = static_cast<Transfer>(transfer);
+        format.has_bt2020_primaries = reader.read_flag();
+        return format;
       });
 }
 
@@ -50,10 +58,11 @@ std::vector<std::byte> MovieReader::ask(MovieRequest request) {
   return decoder_.decode(writer.take(), file_, sandbox::only_file(file_));
 }
 
-bool MovieReader::next(MovieFrame& frame) {
+bool MovieReader::next(MovieFrame& frame, bool is_deep) {
   frame.jpeg.clear();
   return sandbox::read_answer(
-      ask(MovieRequest::kNext), kKind, file_, [&](sandbox::ByteReader& reader) {
+      ask(is_deep ? MovieRequest::kNextDeep : MovieRequest::kNext), kKind, file_,
+      [&](sandbox::ByteReader& reader) {
         const auto kind = static_cast<MovieFrameKind>(reader.read<std::uint8_t>());
         if (kind == MovieFrameKind::kNone) return false;
         if (kind == MovieFrameKind::kJpeg) {
@@ -61,15 +70,26 @@ bool MovieReader::next(MovieFrame& frame) {
           sandbox::ByteReader::require(!frame.jpeg.empty());
           return true;
         }
+        const auto require_size = [](int width, int height, std::size_t values) {
+          constexpr int kMaxSide = 1 << 16;
+          sandbox::ByteReader::require(width > 0 && width <= kMaxSide && height > 0 &&
+                                       height <= kMaxSide &&
+                                       values == std::size_t{3} * static_cast<std::size_t>(width) *
+                                                     static_cast<std::size_t>(height));
+        };
+        sandbox::ByteReader::require(kind ==
+                                     (is_deep ? MovieFrameKind::kDeep : MovieFrameKind::kImage));
+        if (is_deep) {
+          reader.read(frame.deep.width);
+          reader.read(frame.deep.height);
+          reader.read_plain(frame.deep.samples);
+          require_size(frame.deep.width, frame.deep.height, frame.deep.samples.size());
+          return true;
+        }
         reader.read(frame.image.width);
         reader.read(frame.image.height);
         reader.read_plain(frame.image.values);
-        constexpr int kMaxSide = 1 << 16;
-        const int width = frame.image.width, height = frame.image.height;
-        sandbox::ByteReader::require(
-            width > 0 && width <= kMaxSide && height > 0 && height <= kMaxSide &&
-            frame.image.values.size() == std::size_t{3} * static_cast<std::size_t>(width) *
-                                             static_cast<std::size_t>(height));
+        require_size(frame.image.width, frame.image.height, frame.image.values.size());
         return true;
       });
 }

@@ -11,9 +11,10 @@
 namespace raystage::ingest {
 
 /// Reads the frames of a movie's best video stream through FFmpeg in presentation order. Motion
-/// JPEG is returned byte for byte. Other codecs are decoded to 8-bit RGB with the stream's colour
-/// matrix and range; without a matrix BT.601 is assumed, as FFmpeg's and OpenCV's own tools do.
-/// Opens this file only, in a confined process. Display matrices (rotation) are ignored.
+/// JPEG is returned byte for byte. Other codecs are decoded to RGB of 8 or 16 bits with the
+/// stream's colour matrix and range; without a matrix BT.601 is assumed, as FFmpeg's and OpenCV's
+/// own tools do. Opens this file only, in a confined process. Display matrices (rotation) are
+/// ignored.
 class MovieReader {
  public:
   /// Throws Error (bad input) if the file is missing, is not a movie, has no video, or has a codec
@@ -21,17 +22,19 @@ class MovieReader {
   explicit MovieReader(std::filesystem::path file);
 
   /// Returns the frames per second that the file states; 0 if it states none.
-  double frame_rate() const { return frame_rate_; }
+  double frame_rate() const { return format_.frame_rate; }
+  const MovieFormat& format() const { return format_; }
 
-  /// Reads the next frame; returns false at the end. Throws Error (bad input) if it is damaged.
-  bool next(MovieFrame& frame);
+  /// Reads the next frame; returns false at the end. `is_deep`: into MovieFrame::deep with 16 bits
+  /// instead of `image`. Throws Error (bad input) if it is damaged.
+  bool next(MovieFrame& frame, bool is_deep = false);
   /// Skips the remaining frames and returns their number.
   int skip_rest();
 
  private:
   std::filesystem::path file_;
   sandbox::DecoderProcess decoder_;
-  double frame_rate_ = 0;
+  MovieFormat format_;
 
   std::vector<std::byte> ask(MovieRequest request);
 };

@@ -9,7 +9,7 @@
 #include "base/transfer_function.h"
 #include "render/common/blending_field.h"
 #include "render/confidence.h"
-#include "store/processing/frames/blend_space.h"
+#include "store/processing/frames/matching_code.h"
 
 namespace raystage::render::confidence {
 
@@ -39,22 +39,30 @@ inline BlendingField make_blending_field(const VirtualCamera& view, const LightF
 /// R, G and B on the sRGB scale, full scale 1.
 using SrgbCode = std::array<double, 3>;
 
-/// Converts a pixel of a view that shows something; `full_scale`: of the frame cache.
-inline SrgbCode srgb_code_of_pixel(const float* rgba, double full_scale) {
+/// Converts a pixel of a view that shows something; `scale`: of the frame cache.
+inline SrgbCode srgb_code_of_pixel(const float* rgba, const store::CodeScale& scale) {
   SrgbCode code;
   for (std::size_t c = 0; c < 3; ++c) {
-    code[c] = srgb_from_linear(std::max(0.0, double{rgba[c]} / (double{rgba[3]} * full_scale)));
+    const double part = std::max(0.0, double{rgba[c]} / (double{rgba[3]} * scale.full_scale));
+    code[c] = scale.space == store::BlendSpace::kHighRange
+                  ? store::matching_code(scale, part * scale.full_scale)
+                  : srgb_from_linear(part);
   }
   return code;
 }
 
 /// Converts a camera's sample: codes of the blend space times alpha, full scale 1.
 inline SrgbCode srgb_code_of_sample(const SrgbCode& times_alpha, double alpha,
-                                    store::BlendSpace space) {
+                                    const store::CodeScale& scale) {
   SrgbCode code;
   for (std::size_t c = 0; c < 3; ++c) {
     const double own = std::max(0.0, times_alpha[c] / alpha);
-    code[c] = space == store::BlendSpace::kPerceptual ? own : srgb_from_linear(own);
+    if (scale.space == store::BlendSpace::kHighRange) {
+      const double part = store::part_from_value(scale.space, own);
+      code[c] = store::matching_code(scale, part * scale.full_scale);
+    } else {
+      code[c] = scale.space == store::BlendSpace::kPerceptual ? own : srgb_from_linear(own);
+    }
   }
   return code;
 }

@@ -74,11 +74,11 @@ class ConfidenceMeasurement {
     std::array<float, 4 * kMax> sums;
     std::array<SrgbCode, kMax> pixels;
     whole.fill(1);
-    const double full_scale = instant_.cache->full_scale();
+    const store::CodeScale scale = instant_.cache->scale();
     for (std::size_t x = 0; x < n; ++x) {
       depths[x] = inverse_depth(first + x);
       const float* rgba = &image_.rgba[4 * (first + x)];
-      if (rgba[3] > 0) pixels[x] = srgb_code_of_pixel(rgba, full_scale);
+      if (rgba[3] > 0) pixels[x] = srgb_code_of_pixel(rgba, scale);
     }
     for (const BlendingField::TileCamera& camera : tile.cameras) {
       const FieldSources::Source& source = sources_[camera.camera];
@@ -93,7 +93,7 @@ class ConfidenceMeasurement {
         if (!(pixel_alpha > 0) || !(alpha > 0)) continue;
         const SrgbCode sample = srgb_code_of_sample(
             {sums[4 * x] / 65535.0, sums[4 * x + 1] / 65535.0, sums[4 * x + 2] / 65535.0}, alpha,
-            instant_.cache->blend_space());
+            instant_.cache->scale());
         image_.confidence[first + x] +=
             share[x] * static_cast<float>(agreement(sample, alpha, pixels[x], pixel_alpha));
       }

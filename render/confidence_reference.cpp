@@ -48,9 +48,9 @@ void measure_confidence_reference(const VirtualCamera& view, const LightFieldFra
         const double alpha = sample.alpha * sample.seen;
         if (!(alpha > 0)) continue;
         const SrgbCode code =
-            srgb_code_of_sample(sample.code, sample.alpha, instant.cache->blend_space());
+            srgb_code_of_sample(sample.code, sample.alpha, instant.cache->scale());
         sum += double{BlendingField::share(tile, camera, x, y)} *
-               agreement(code, alpha, srgb_code_of_pixel(rgba, instant.cache->full_scale()),
+               agreement(code, alpha, srgb_code_of_pixel(rgba, instant.cache->scale()),
                          double{rgba[3]});
       }
       image.confidence[at] = static_cast<float>(sum);

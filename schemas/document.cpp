@@ -22,7 +22,7 @@ using nlohmann::json;
 /// Returns the newest version of a kind of document. Versions start at 1.
 int newest_version(std::string_view kind) {
   if (kind == "shot") return 3;
-  return kind == "rig" || kind == "import" ? 2 : 1;
+  return kind == "rig" || kind == "import" || kind == "take" ? 2 : 1;
 }
 
 std::string schema_name(std::string_view kind, int version) {

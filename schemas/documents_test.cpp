@@ -195,7 +195,9 @@ TEST_P(EveryDocument, ComesBackTheSame) {
 TEST_P(EveryDocument, NewerVersionsAreRefusedWithAdvice) {
   json document = good(GetParam());
   const std::string kind = GetParam();
-  const int newest = kind == "shot" ? 3 : kind == "rig" || kind == "import" ? 2 : 1;
+  const int newest = kind == "shot"                                        ? 3
+                     : kind == "rig" || kind == "import" || kind == "take" ? 2
+                                                                           : 1;
   document["schema"] = std::string("raystage/") + GetParam() + "/" + std::to_string(newest + 1);
   document["a_future_property"] = 1;
   EXPECT_THAT(

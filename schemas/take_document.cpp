@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/take_document.h"
 
+#include <algorithm>
+
 #include "base/contained_path.h"
 #include "schemas/fields.h"
 
@@ -9,11 +11,20 @@ namespace {
 
 using TakeCamera = TakeDocument::Camera;
 
+constexpr auto kSampleNames = enum_names<PixelEncoding::Samples>("half", "integer");
+constexpr auto kTransferNames = enum_names<PixelEncoding::Transfer>("linear", "srgb", "pq", "hlg");
+constexpr Fields kPixels(required("samples", &PixelEncoding::samples, kSampleNames),
+                         required("bits", &PixelEncoding::bits),
+                         required("transfer", &PixelEncoding::transfer, kTransferNames),
+                         optional("chromaticities", &PixelEncoding::chromaticities),
+                         required("peak", &PixelEncoding::peak));
+
 constexpr Fields kTakeCamera(required("id", &TakeCamera::id),
                              required("archive", &TakeCamera::archive, kRelativePath),
                              required("journal", &TakeCamera::journal, kRelativePath),
                              optional("node", &TakeCamera::node),
-                             optional("archive_epoch_utc", &TakeCamera::archive_epoch_utc, kUtc));
+                             optional("archive_epoch_utc", &TakeCamera::archive_epoch_utc, kUtc),
+                             optional("pixels", &TakeCamera::pixels, kPixels));
 
 constexpr Fields kTake(defaulted("name", &TakeDocument::name),
                        defaulted("created_by", &TakeDocument::created_by),
@@ -31,11 +42,31 @@ constexpr Fields kTake(defaulted("name", &TakeDocument::name),
 
 }  // namespace
 
-TakeDocument parse_take(std::string_view text, std::string_view name) {
-  return parse_document_as<TakeDocument>("take", kTake, text, name);
+bool TakeDocument::has_deep_pixels() const {
+  return std::ranges::any_of(cameras,
+                             [](const Camera& camera) { return camera.pixels.has_value(); });
 }
 
-std::string format_take(const TakeDocument& take) { return format_document("take", kTake, take); }
+TakeDocument parse_take(std::string_view text, std::string_view name) {
+  auto take = parse_document_as<TakeDocument>("take", kTake, text, name);
+  for (std::size_t i = 0; i < take.cameras.size(); ++i) {
+    const auto& pixels = take.cameras[i].pixels;
+    if (!pixels || pixels->samples == PixelEncoding::Samples::kInteger) continue;
+    if (pixels->bits == PixelEncoding::kMaxBits &&
+        pixels->transfer == PixelEncoding::Transfer::kLinear) {
+      continue;
+    }
+    throw json_value_error(name, "/cameras/" + std::to_string(i) + "/pixels",
+                           "half floats have 16 bits and linear light",
+                           "Set \"bits\" to 16 and \"transfer\" to \"linear\"");
+  }
+  return take;
+}
+
+std::string format_take(const TakeDocument& take) {
+  constexpr int kWithPixels = 2, kJpegOnly = 1;
+  return format_document("take", kTake, take, take.has_deep_pixels() ? kWithPixels : kJpegOnly);
+}
 
 TakeDocument read_take(const std::filesystem::path& file) {
   return parse_take(read_file(file), file.string());

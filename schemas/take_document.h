@@ -9,6 +9,7 @@
 
 #include "base/time.h"
 #include "schemas/geometry.h"
+#include "schemas/pixel_encoding.h"
 
 namespace raystage {
 struct ContainedPath;
@@ -16,7 +17,8 @@ struct ContainedPath;
 
 namespace raystage::schemas {
 
-/// Schema "raystage/take/1" (TAKE/take.json): a recording. Camera i is camera i of rig.json.
+/// Schema "raystage/take/2" (TAKE/take.json): a recording. Camera i is camera i of rig.json. Takes
+/// whose frames all are JPEG are written as version 1, which differs only in Camera::pixels.
 struct TakeDocument {
   struct Camera {
     std::string id;
@@ -25,6 +27,8 @@ struct TakeDocument {
     std::string node;     ///< ingest node that time-stamped the frames; may be empty
     /// Time 0 of the archive, since 1970; nullopt: the take's.
     std::optional<Nanoseconds> archive_epoch_utc = {};
+    /// Of frames that are JPEG XL pictures of their own; nullopt: frames are JPEG, maybe packed.
+    std::optional<PixelEncoding> pixels = {};
   };
   /// The origin of a take that was derived from another take.
   struct Derived {
@@ -36,12 +40,14 @@ struct TakeDocument {
   std::optional<Derived> derived_from;
   Nanoseconds epoch_utc = 0;  ///< time 0 of every archive, since 1970
   double nominal_fps = 0;
-  std::string color_space;                  ///< of the JPEG codes: "srgb_texture"
+  std::string color_space;                  ///< of JPEG codes: "srgb_texture"
   std::string clock = "host";               ///< "host" | "device" | "simulated" | "manifest"
   std::string timestamp_event = "unknown";  ///< "exposure_start|middle|end", "arrival", "unknown"
   bool arbitrary_scale = false;
   std::optional<DepthRange> depth_range;
   std::vector<Camera> cameras;
+
+  bool has_deep_pixels() const;  ///< whether a camera has Camera::pixels
 };
 
 TakeDocument read_take(const std::filesystem::path& file);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/half_float.h"
 #include "base/transfer_function.h"
 #include "simulate/hash_random.h"
 
@@ -58,10 +59,8 @@ SensorModel::SensorModel(const schemas::PhotometricResponse& response, rig::Pict
   }
 }
 
-store::RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noise_seed) const {
-  static const std::vector<std::uint8_t> srgb_codes = codes_by({});
-  store::RgbImage result{image.width, image.height,
-                         std::vector<std::uint8_t>(image.light.size() * 3)};
+template <class Put>
+void SensorModel::expose(const LinearImage& image, std::uint64_t noise_seed, const Put& put) const {
   auto hot = hot_pixels_.begin();
   for (std::size_t i = 0; i < image.light.size(); ++i) {
     std::array<float, 3> light{image.light[i].x(), image.light[i].y(), image.light[i].z()};
@@ -84,12 +83,31 @@ store::RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noi
         shown += noise_ * std::sqrt(std::max(shown, 0.0F)) *
                  quick_normal(splitmix64(noise_seed + 3 * i + c));
       }
-      const float scaled = std::clamp(shown, 0.0F, 1.0F) * (kShownLevels - 1) + 0.5F;
-      const std::vector<std::uint8_t>& codes = codes_[c].empty() ? srgb_codes : codes_[c];
-      result.values[3 * i + c] = codes[scaled];
+      put(3 * i + c, c, shown);
     }
     if (is_hot) ++hot;
   }
+}
+
+store::RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noise_seed) const {
+  static const std::vector<std::uint8_t> srgb_codes = codes_by({});
+  store::RgbImage result{image.width, image.height,
+                         std::vector<std::uint8_t>(image.light.size() * 3)};
+  expose(image, noise_seed, [&](std::size_t at, std::size_t c, float shown) {
+    const float scaled = std::clamp(shown, 0.0F, 1.0F) * (kShownLevels - 1) + 0.5F;
+    const std::vector<std::uint8_t>& codes = codes_[c].empty() ? srgb_codes : codes_[c];
+    result.values[at] = codes[scaled];
+  });
+  return result;
+}
+
+store::DeepPicture SensorModel::develop_half(const LinearImage& image,
+                                             std::uint64_t noise_seed) const {
+  store::DeepPicture result{image.width, image.height,
+                            std::vector<std::uint16_t>(image.light.size() * 3)};
+  expose(image, noise_seed, [&](std::size_t at, std::size_t /*c*/, float shown) {
+    result.samples[at] = half_from_float(std::clamp(shown, -kLargestHalf, kLargestHalf));
+  });
   return result;
 }
 

@@ -8,6 +8,7 @@
 #include "rig/photometric_model.h"
 #include "simulate/camera_renderer.h"
 #include "store/jpeg/rgb_image.h"
+#include "store/jpegxl/deep_picture.h"
 
 namespace raystage::simulate {
 
@@ -21,8 +22,15 @@ class SensorModel {
   /// Returns the picture of an image, which must have the size given above. Noise depends on its
   /// seed only.
   store::RgbImage develop(const LinearImage& image, std::uint64_t noise_seed = 0) const;
+  /// Returns the same as half floats of linear light, not clipped at white. The response must have
+  /// no curve.
+  store::DeepPicture develop_half(const LinearImage& image, std::uint64_t noise_seed = 0) const;
 
  private:
+  /// Calls `put(value index, channel, light)` for each channel of each pixel in order.
+  template <class Put>
+  void expose(const LinearImage& image, std::uint64_t noise_seed, const Put& put) const;
+
   std::array<float, 3> gain_{}, offset_{};
   float noise_;
   bool mixes_;

@@ -15,6 +15,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/half_float.h"
 #include "base/options.h"
 #include "base/parallel.h"
 #include "images/image_file.h"
@@ -27,6 +28,7 @@
 #include "simulate/simulated_shot.h"
 #include "simulate/truth_document.h"
 #include "store/jpeg/encode.h"
+#include "store/jpegxl/picture_codec.h"
 #include "store/take.h"
 
 namespace raystage::simulate {
@@ -35,6 +37,13 @@ namespace {
 constexpr std::uint64_t kNoiseSalt = 21;
 // 2026-01-01T00:00:00Z. A constant, as the same settings must give the same bytes.
 constexpr Nanoseconds kEpoch = 1'767'225'600 * kNanosecondsPerSecond;
+
+Scene scene_of(const SimulationOptions& options) {
+  Scene scene = make_scene(options.scene);
+  if (!options.hdr) return scene;
+  for (ScenePart& part : scene.parts) part.material.emission *= SimulationOptions::kHighlights;
+  return scene;
+}
 
 double seconds_of(Nanoseconds time) { return static_cast<double>(time) * 1e-9; }
 
@@ -53,7 +62,7 @@ class Simulation {
       : options_(options),
         progress_(progress),
         stop_(std::move(stop)),
-        scene_(make_scene(options.scene)),
+        scene_(scene_of(options)),
         geometry_(scene_),
         workers_([this] { return Worker(geometry_); }),
         array_(make_simulated_rig(options)),
@@ -130,6 +139,7 @@ class Simulation {
       schemas::TakeDocument::Camera camera;
       camera.id = array_.truth.cameras[i].geometry.id;
       camera.node = "node" + std::to_string(schedule_.cameras[i].node);
+      if (options_.records_half) camera.pixels.emplace();  // the peak is known later
       take.cameras.push_back(std::move(camera));
     }
     return take;
@@ -198,6 +208,7 @@ class Simulation {
     Worker& worker = workers_.local();
     StaticSampleCache cache;
     int stored = 0;
+    double peak = 0;
     for (std::size_t number = 0; number < times.frames.size(); ++number) {
       const ExposureSchedule::Frame& frame = times.frames[number];
       if (frame.status != store::FrameStatus::kStored) {
@@ -207,10 +218,15 @@ class Simulation {
         const Exposure exposure{seconds_of(frame.true_time), options_.line_time_us * 1e-6};
         worker.renderer.render(worker.world, exposure, rays, options_.edge_samples, cache,
                                worker.image);
-        const store::RgbImage picture = developer.develop(
-            worker.image,
-            hash_keys({options_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
-        archive.append(store::encode_jpeg(picture, options_.jpeg), frame.stamped_time);
+        const std::uint64_t seed =
+            hash_keys({options_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number});
+        if (options_.records_half) {
+          append_half(developer.develop_half(worker.image, seed), frame.stamped_time, archive,
+                      peak);
+        } else {
+          archive.append(store::encode_jpeg(developer.develop(worker.image, seed), options_.jpeg),
+                         frame.stamped_time);
+        }
         ++stored;
         if (options_.camera_depths) {
           write_camera_depths(worker.image, rays, writer.working_folder(), camera.id, stored);
@@ -219,6 +235,17 @@ class Simulation {
       advance(1);
     }
     archive.close();
+    constexpr double kLeastPeak = 1e-3;  // of black frames
+    if (options_.records_half) writer.set_peak(index, std::max(peak, kLeastPeak));
+  }
+
+  /// Appends a frame of half floats and raises the camera's brightest light.
+  void append_half(const store::DeepPicture& picture, Nanoseconds time,
+                   store::ArchiveWriter& archive, double& peak) const {
+    for (const std::uint16_t sample : picture.samples) {
+      peak = std::max(peak, static_cast<double>(float_from_half(sample)));
+    }
+    archive.append(codec_.encode(picture, {}, {}, "simulated frame"), time);
   }
 
   /// Returns four values for each pixel: the planar depth of what its centre sees, infinite where
@@ -301,6 +328,14 @@ class Simulation {
                              planar_depths(worker.image, rays), folder / view.depth_file);
       if (path_.exposures[index].size() > 1) expose(path_.exposures[index], worker, loop);
       images::write_image(develop(worker.image), folder / view.file);
+      if (options_.hdr) {
+        std::vector<float> light;
+        for (const Eigen::Vector3f& rgb : worker.image.light) {
+          light.insert(light.end(), rgb.begin(), rgb.end());
+        }
+        images::write_channels(worker.image.width, worker.image.height, {"R", "G", "B"}, light,
+                               folder / ("truth/" + view.geometry.id + ".light.exr"));
+      }
       if (!spheres_.empty()) {
         images::write_depth_image(worker.image.width, worker.image.height,
                                   worker.image.sphere_share,
@@ -322,6 +357,7 @@ class Simulation {
   ExposureSchedule schedule_;
   SimulatedShot path_;
   rig::Rig true_rig_;
+  const store::PictureCodec codec_;
   std::vector<UnlitSphere> spheres_;
   double truth_cost_ = 0, total_cost_ = 0, done_cost_ = 0;
   std::mutex progress_mutex_;

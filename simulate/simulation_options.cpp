@@ -23,6 +23,10 @@ bool is_square(const char* name, int value, std::string* reason) {
 }  // namespace
 
 bool SimulationOptions::is_valid(std::string* reason) const {
+  if (records_half && color_errors.curve > 0) {
+    *reason = "the response curve deviates, allowed: no deviation in frames of half floats";
+    return false;
+  }
   const auto within = [&](const char* name, double value, double low, double high) {
     return is_within(name, value, low, high, reason);
   };

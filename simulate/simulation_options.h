@@ -68,6 +68,11 @@ struct SimulationOptions {
   double line_time_us = 0;
 
   // Pictures.
+  /// Surfaces that emit light are kHighlights times as bright, so that the scene spans 14 stops.
+  bool hdr = false;
+  static constexpr float kHighlights = 64;
+  /// Frames of the linear light in half floats, as JPEG XL pictures; false: JPEG, clipped at white.
+  bool records_half = false;
   double noise = 0.005;  ///< standard deviation at full scale; scales with sqrt(light)
   int edge_samples = 4;  ///< per pixel at edges: a square number
   store::JpegEncodeOptions jpeg;

@@ -45,6 +45,8 @@ ordered_json settings_json(const SimulationOptions& s) {
           {"start_up_loss_s", s.startup_loss_s},
           {"drop_probability", s.drop_probability},
           {"line_time_us", s.line_time_us},
+          {"hdr", s.hdr},
+          {"bits", s.records_half ? 16 : 8},
           {"noise", s.noise},
           {"edge_samples", s.edge_samples},
           {"truth_samples", s.truth_samples},

@@ -14,7 +14,9 @@
 
 #include "base/contained_path.h"
 #include "base/time.h"
+#include "schemas/pixel_encoding.h"
 #include "store/frame_buffers.h"
+#include "store/jpegxl/deep_picture.h"
 #include "store/remote_frames.h"
 #include "store/rotten_frame.h"
 #include "store/unpacked_frames.h"
@@ -63,8 +65,9 @@ struct FrameRecord {
 
 /// The form of the frames of an archive (Matroska's CodecID).
 enum class FrameCodec : std::uint8_t {
-  kJpeg,   ///< every frame is a JPEG
-  kPacked  ///< packed frames (store/jpegxl/packed_frame.h), and JPEGs that could not be packed
+  kJpeg,    ///< every frame is a JPEG
+  kPacked,  ///< packed frames (store/jpegxl/packed_frame.h), and JPEGs that could not be packed
+  kPicture  ///< JPEG XL pictures of more than 8 bits (schemas::PixelEncoding)
 };
 
 /// Most frames of one append(): the frames are written before their records, so that a crash leaves
@@ -74,7 +77,7 @@ inline constexpr int kMaxBatchFrames = 16;
 /// One frame to append, or the record that it is missing.
 struct NewFrame {
   Nanoseconds time_ns = 0;          ///< since the take's epoch
-  std::span<const std::byte> jpeg;  ///< of a frame to store, or packed; otherwise ignored
+  std::span<const std::byte> jpeg;  ///< of a frame to store, in the archive's form
   FrameStatus status = FrameStatus::kStored;
   FrameOrigin origin;
   bool is_unverified = false;  ///< see FrameRecord
@@ -144,7 +147,8 @@ class ArchiveWriter {
 /// Reads one camera's archive. The journal is the index; where it is missing, torn or incomplete,
 /// the Matroska file is scanned instead. A file truncated at any byte gives every complete frame.
 /// Const members are thread-safe. Frames are copied from the file, which another process may
-/// truncate meanwhile. Packed frames are unpacked: all members that return a frame return its JPEG.
+/// truncate meanwhile. Packed frames are unpacked: all members that return a frame return its JPEG,
+/// except stored() and picture().
 class ArchiveReader {
  public:
   /// Opens an archive and its journal. `buffers`: hold the bytes of frames, shared with other
@@ -173,13 +177,26 @@ class ArchiveReader {
   /// without frames.
   std::optional<int> nearest_frame(Nanoseconds time) const;
 
-  /// Returns the JPEG bytes of frame i, from the file or another host. Throws RottenFrame if they
-  /// are not the recorded ones, which is checked once per frame, or if a packed frame cannot be
-  /// unpacked. Throws Error (bad input) if the disk cannot read them or the file was truncated, and
-  /// Error (failed) if libjxl cannot be run.
+  /// Returns the JPEG bytes of frame i, from the file or another host. For a picture of more than 8
+  /// bits that is a new JPEG of its sRGB codes, clipped at white: only to look at. Throws
+  /// RottenFrame if the bytes
+  /// are not the recorded ones, which is checked once per frame, or if a packed frame or a picture
+  /// cannot be decoded. Throws Error (bad input) if the disk cannot read them or the file was
+  /// truncated, and Error (failed) if libjxl cannot be run.
   FrameBytes jpeg(int frame) const;
   /// Returns the bytes as jpeg() does, or nullopt where jpeg() would throw RottenFrame.
   std::optional<FrameBytes> intact_jpeg(int frame) const;
+  /// Returns the bytes of frame i as they are stored: the JPEG, packed frame or picture. Throws as
+  /// jpeg().
+  FrameBytes stored(int frame) const;
+  /// Returns frame i of an archive of pictures (FrameCodec::kPicture), all of whose samples are
+  /// finite. Decodes anew with each call. Throws as jpeg(), and Error (bad input) if the archive is
+  /// on another host.
+  DeepPicture picture(int frame) const;
+  /// Returns the meaning of the samples of picture(); nullopt: frames are JPEG or it is not known.
+  const std::optional<schemas::PixelEncoding>& pixel_encoding() const;
+  /// Sets what take.json states of the samples.
+  void set_pixel_encoding(const schemas::PixelEncoding& encoding);
   /// Returns whether jpeg() would throw RottenFrame; reads the frame only if that is not known yet.
   /// Does not unpack: that a packed frame cannot be unpacked is known after jpeg() has tried.
   bool is_rotten(int frame) const;

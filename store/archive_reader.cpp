@@ -19,8 +19,11 @@
 #include "base/posix_file.h"
 #include "store/archive.h"
 #include "store/archive_index.h"
+#include "store/jpeg/encode.h"
 #include "store/jpegxl/frame_packer.h"
 #include "store/jpegxl/packed_frame.h"
+#include "store/jpegxl/picture_codec.h"
+#include "store/pixel_light.h"
 
 namespace raystage::store {
 
@@ -58,6 +61,8 @@ struct ArchiveReader::State {
     return XXH3_64bits(bytes.data(), bytes.size()) == record(frame).xxh3;
   }
 
+  bool has_pictures() const { return index.description.codec == FrameCodec::kPicture; }
+
   bool may_have_packed_frames() const { return index.description.codec == FrameCodec::kPacked; }
 
   /// Returns what a packed frame states; nullopt of a JPEG. Reads the beginning of the frame.
@@ -77,6 +82,7 @@ struct ArchiveReader::State {
   /// Returns the JPEG of a frame; none if its bytes are not the recorded ones or cannot be
   /// unpacked.
   std::optional<FrameBytes> read_intact_jpeg(int frame) const {
+    if (has_pictures()) return read_jpeg_of_picture(frame);
     if (!may_have_packed_frames()) return read_intact(frame);
     if (auto known = unpacked->find({number, frame})) return known;
     const std::optional<FrameBytes> stored = read_intact(frame);
@@ -92,6 +98,39 @@ struct ArchiveReader::State {
       integrity[frame] = Integrity::kRotten;
       return std::nullopt;
     }
+  }
+
+  /// Returns a frame of an archive of pictures; none if its bytes are not the recorded ones or
+  /// cannot be decoded.
+  std::optional<DeepPicture> read_picture(int frame) const {
+    const std::optional<FrameBytes> stored = read_intact(frame);
+    if (!stored) return std::nullopt;
+    try {
+      const ArchiveWriter::Description& camera = index.description;
+      return unpacked->pictures().decode(*stored, camera.width, camera.height,
+                                         encoding ? &*encoding : nullptr, path);
+    } catch (const Error& error) {
+      if (error.exit_code() != ExitCode::kBadInput) throw;
+      integrity[frame] = Integrity::kRotten;
+      return std::nullopt;
+    }
+  }
+
+  /// Returns a JPEG to look at.
+  std::optional<FrameBytes> read_jpeg_of_picture(int frame) const {
+    if (auto known = unpacked->find({number, frame})) return known;
+    if (!encoding) {
+      throw Error::bad_input(
+          "the frames are JPEG XL pictures, but the meaning of their samples is "
+          "not known",
+          path.string(), "Open the archive as part of its take");
+    }
+    const std::optional<DeepPicture> picture = read_picture(frame);
+    if (!picture) return std::nullopt;
+    const FrameBytes jpeg(std::make_shared<const std::vector<std::byte>>(
+        encode_jpeg(codes_from_picture(*picture, *encoding), {})));
+    unpacked->insert({number, frame}, jpeg);
+    return jpeg;
   }
 
   /// Returns the stored bytes of a frame; none if they are not the recorded ones.
@@ -113,6 +152,7 @@ struct ArchiveReader::State {
   std::shared_ptr<UnpackedFrames> unpacked;
   std::uint64_t number = 0;  // of this archive in `unpacked`
   std::shared_ptr<const RemoteFrames> remote;
+  std::optional<schemas::PixelEncoding> encoding;
   ArchiveIndex index;
   std::unique_ptr<std::atomic<Integrity>[]> integrity;  // of each frame
 };
@@ -188,14 +228,45 @@ std::optional<int> ArchiveReader::nearest_frame(Nanoseconds time) const {
   return behind <= ahead ? index - 1 : index;
 }
 
+namespace {
+
+RottenFrame rotten_frame(int frame, const std::string& camera, const std::filesystem::path& path) {
+  return {
+      Error::bad_input("frame " + std::to_string(frame) + " of camera \"" + camera + "\" " +
+                           std::string(kRottenFrameText),
+                       path.string(), "Run `raystage verify` on the take, then `raystage repair`"),
+      frame};
+}
+
+}  // namespace
+
 FrameBytes ArchiveReader::jpeg(int frame) const {
   if (std::optional<FrameBytes> bytes = intact_jpeg(frame)) return *std::move(bytes);
-  throw RottenFrame(
-      Error::bad_input("frame " + std::to_string(frame) + " of camera \"" +
-                           description().camera_id + "\" " + std::string(kRottenFrameText),
-                       state_->path.string(),
-                       "Run `raystage verify` on the take, then `raystage repair`"),
-      frame);
+  throw rotten_frame(frame, description().camera_id, state_->path);
+}
+
+FrameBytes ArchiveReader::stored(int frame) const {
+  if (state_->remote) return jpeg(frame);
+  if (std::optional<FrameBytes> bytes = state_->read_intact(frame)) return *std::move(bytes);
+  throw rotten_frame(frame, description().camera_id, state_->path);
+}
+
+DeepPicture ArchiveReader::picture(int frame) const {
+  if (state_->remote) {
+    throw Error::bad_input("pictures of more than 8 bits are not sent between hosts",
+                           state_->path.string(),
+                           "Put the take in a folder that every host can read");
+  }
+  if (std::optional<DeepPicture> picture = state_->read_picture(frame)) return *std::move(picture);
+  throw rotten_frame(frame, description().camera_id, state_->path);
+}
+
+const std::optional<schemas::PixelEncoding>& ArchiveReader::pixel_encoding() const {
+  return state_->encoding;
+}
+
+void ArchiveReader::set_pixel_encoding(const schemas::PixelEncoding& encoding) {
+  state_->encoding = encoding;
 }
 
 std::optional<FrameBytes> ArchiveReader::intact_jpeg(int frame) const {

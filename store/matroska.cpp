@@ -48,7 +48,20 @@ constexpr std::array kEbmlIdBytes{std::byte{0x1A}, std::byte{0x45}, std::byte{0x
                                   std::byte{0xA3}};
 
 // Of the track. Matroska has no identifier for JPEG XL; FFmpeg 5 has none either.
-constexpr std::string_view kJpegCodec = "V_MJPEG", kPackedCodec = "V_JPEGXL";
+constexpr std::string_view kJpegCodec = "V_MJPEG", kPackedCodec = "V_JPEGXL",
+                           kPictureCodec = "V_JPEGXL/PICTURE";
+
+std::string_view codec_id(FrameCodec codec) {
+  switch (codec) {
+    case FrameCodec::kJpeg:
+      return kJpegCodec;
+    case FrameCodec::kPacked:
+      return kPackedCodec;
+    case FrameCodec::kPicture:
+      return kPictureCodec;
+  }
+  return kJpegCodec;
+}
 
 // 2001-01-01T00:00:00Z, the epoch of Matroska dates, in nanoseconds since 1970.
 constexpr Nanoseconds kMatroskaEpoch = 978'307'200 * kNanosecondsPerSecond;
@@ -62,8 +75,10 @@ int pixels(Bytes file, const Element& element) {
 void read_track(Bytes file, const Element& track, ArchiveWriter::Description& description) {
   ebml::for_each_child(file, track, [&](const Element& child) {
     if (child.id == kTrackName) description.camera_id = ebml::read_string(file, child);
-    if (child.id == kCodecId && ebml::read_string(file, child) == kPackedCodec) {
-      description.codec = FrameCodec::kPacked;
+    if (child.id == kCodecId) {
+      for (const FrameCodec codec : {FrameCodec::kPacked, FrameCodec::kPicture}) {
+        if (ebml::read_string(file, child) == codec_id(codec)) description.codec = codec;
+      }
     }
     if (child.id != kVideo) return;
     ebml::for_each_child(file, child, [&](const Element& leaf) {
@@ -154,8 +169,7 @@ Header make_header(const ArchiveWriter::Description& description, HeaderForm for
   track.put_uint(kFlagLacing, 0);
   track.put_string(kLanguage, "und");
   track.put_string(kTrackName, description.camera_id);
-  track.put_string(
-      kCodecId, std::string(description.codec == FrameCodec::kPacked ? kPackedCodec : kJpegCodec));
+  track.put_string(kCodecId, std::string(codec_id(description.codec)));
   const std::size_t rate_in_track = track.size();
   if (form == HeaderForm::kWithRate) track.put_void(kRateBytes);
   track.put_master(kVideo, video);
@@ -213,16 +227,19 @@ std::size_t differing_bytes(Bytes file, const Header& header) {
 bool begins_with(Bytes file, const Header& header) { return differing_bytes(file, header) == 0; }
 
 Header header_of_file(Bytes file, const ArchiveWriter::Description& description) {
-  ArchiveWriter::Description other = description;
-  other.codec = description.codec == FrameCodec::kJpeg ? FrameCodec::kPacked : FrameCodec::kJpeg;
   Header nearest = make_header(description, HeaderForm::kWithRate);
   const auto consider = [&](const ArchiveWriter::Description& candidate, HeaderForm form) {
     Header header = make_header(candidate, form);
     if (differing_bytes(file, header) < differing_bytes(file, nearest)) nearest = std::move(header);
   };
   consider(description, HeaderForm::kWithoutRate);
-  consider(other, HeaderForm::kWithRate);
-  consider(other, HeaderForm::kWithoutRate);
+  for (const FrameCodec codec : {FrameCodec::kJpeg, FrameCodec::kPacked, FrameCodec::kPicture}) {
+    if (codec == description.codec) continue;
+    ArchiveWriter::Description other = description;
+    other.codec = codec;
+    consider(other, HeaderForm::kWithRate);
+    consider(other, HeaderForm::kWithoutRate);
+  }
   return nearest;
 }
 

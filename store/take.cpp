@@ -100,6 +100,13 @@ ArchiveReader Take::State::open(std::size_t camera) const {
     throw refuse("its epoch is " + format_utc(found.epoch_utc) + ", take.json says " +
                  format_utc(epoch));
   }
+  if (entry.pixels) reader.set_pixel_encoding(*entry.pixels);
+  const bool has_pictures = found.codec == FrameCodec::kPicture;
+  if (!found.camera_id.empty() && has_pictures != entry.pixels.has_value()) {
+    throw refuse(has_pictures
+                     ? "its frames are JPEG XL pictures, but take.json has no \"pixels\" for it"
+                     : "its frames are JPEG, but take.json states \"pixels\" of JPEG XL pictures");
+  }
   reader.shift_times(epoch - document.epoch_utc);
   return reader;
 }

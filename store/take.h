@@ -70,6 +70,7 @@ class Take {
 class TakeWriter {
  public:
   /// Begins a take. Fills in camera.archive and camera.journal of the document (archive/ID.mkv).
+  /// Archives of cameras with Camera::pixels hold pictures (FrameCodec::kPicture), others `codec`.
   /// Throws Error (bad input) if `folder` exists or a camera id is not a safe file name. Throws
   /// Error (failed) if its parent folder is not writable.
   TakeWriter(const std::filesystem::path& folder, schemas::TakeDocument take,
@@ -89,6 +90,9 @@ class TakeWriter {
   void finish();
   /// Writes only the documents: the archives stay where they are (archive/ID.mkv of other folders).
   void finish_documents();
+  /// Sets the brightest light of a camera with Camera::pixels (PixelEncoding::peak), which may be
+  /// known only after its last frame. Threads may set different cameras.
+  void set_peak(int camera, double peak);
   /// Calls finish() if needed, then renames the folder.
   void commit();
 

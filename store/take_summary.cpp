@@ -33,6 +33,7 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
   const auto& model = take.rig().cameras[camera].model;
   result.width = model.width();
   result.height = model.height();
+  result.pixels = take.document().cameras[camera].pixels;
   try {
     const ArchiveReader& archive = take.archive(camera);
     result.frames = static_cast<int>(archive.frames().size());
@@ -48,7 +49,7 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
     for (int frame = 0; result.packed && frame < result.frames; ++frame) {
       result.packed_frames += archive.is_packed(frame) ? 1 : 0;
     }
-    result.restart_markers = restart_markers_of(archive, result.id);
+    if (!result.pixels) result.restart_markers = restart_markers_of(archive, result.id);
   } catch (const Error& error) {
     result.error = error.what();
   }

@@ -28,6 +28,8 @@ struct TakeSummary {
     std::uint64_t bytes = 0;  ///< of the archive
     bool packed = false;      ///< see FrameCodec
     int packed_frames = 0;    ///< of `frames`; the others are stored as JPEG
+    /// Of pictures of more than 8 bits; nullopt: frames are JPEG.
+    std::optional<schemas::PixelEncoding> pixels = {};
     /// Whether the first frame has restart markers; nullopt if there is no frame or it is not
     /// stored as JPEG.
     std::optional<bool> restart_markers;

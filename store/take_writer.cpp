@@ -135,9 +135,16 @@ ArchiveWriter& TakeWriter::archive(int camera) {
     const schemas::CameraGeometry& geometry = state_->rig.cameras[index].geometry;
     slot.emplace(state_->working / entry.archive, state_->working / entry.journal,
                  ArchiveWriter::Description{entry.id, geometry.width, geometry.height,
-                                            state_->take.epoch_utc, state_->codec});
+                                            state_->take.epoch_utc,
+                                            entry.pixels ? FrameCodec::kPicture : state_->codec});
   }
   return *slot;
+}
+
+void TakeWriter::set_peak(int camera, double peak) {
+  auto& pixels = state_->take.cameras[static_cast<std::size_t>(camera)].pixels;
+  assert(pixels && !state_->finished);
+  pixels->peak = peak;
 }
 
 const fs::path& TakeWriter::working_folder() const { return state_->working; }

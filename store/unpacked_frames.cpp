@@ -2,11 +2,14 @@
 #include "store/unpacked_frames.h"
 
 #include "store/jpegxl/frame_packer.h"
+#include "store/jpegxl/picture_codec.h"
 
 namespace raystage::store {
 
 UnpackedFrames::UnpackedFrames(std::size_t budget_bytes)
-    : packer_(std::make_unique<const FramePacker>()), budget_(budget_bytes) {}
+    : packer_(std::make_unique<const FramePacker>()),
+      pictures_(std::make_unique<const PictureCodec>()),
+      budget_(budget_bytes) {}
 UnpackedFrames::~UnpackedFrames() = default;
 
 std::uint64_t UnpackedFrames::new_archive() {

@@ -15,6 +15,7 @@
 namespace raystage::store {
 
 class FramePacker;
+class PictureCodec;
 
 /// The JPEGs of packed frames that were unpacked, within a memory budget; the least recently used
 /// are evicted first. Unpacking takes far longer than reading, and views of one instant need the
@@ -28,6 +29,8 @@ class UnpackedFrames {
 
   /// Unpacks the frames of all archives, which so share its processes.
   const FramePacker& packer() const { return *packer_; }
+  /// Decodes pictures of more than 8 bits, likewise.
+  const PictureCodec& pictures() const { return *pictures_; }
 
   /// Names an archive and a frame in it.
   using Key = std::pair<std::uint64_t, int>;
@@ -51,6 +54,7 @@ class UnpackedFrames {
   void evict();
 
   const std::unique_ptr<const FramePacker> packer_;
+  const std::unique_ptr<const PictureCodec> pictures_;
   mutable std::mutex mutex_;
   std::map<Key, Entry> entries_;
   std::list<Key> by_use_;  // the latest first

@@ -278,7 +278,7 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
           to.append_again(shifted(record, time_shift), {});
           ++report.missing;
         } else {
-          const auto jpeg = from.jpeg(frame++);
+          const auto jpeg = from.stored(frame++);
           to.append_again(shifted(record, time_shift), jpeg);
           ++report.frames;
           report.bytes += jpeg.size();

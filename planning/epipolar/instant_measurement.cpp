@@ -69,7 +69,7 @@ InstantMeasurement::InstantMeasurement(const store::Take& take,
     std::int64_t decoded = 0;
     const auto frame = cache.fetch(present_[i], instant.frame[camera], {}, decoded);
     luma_[camera] =
-        render::MatchingImage(*frame, cache.blend_space(), rig_.cameras[camera], pinholes_[camera])
+        render::MatchingImage(*frame, cache.scale(), rig_.cameras[camera], pinholes_[camera])
             .plane();
   });
   references_ = spread_cameras(pinholes_, present_, camera_count);

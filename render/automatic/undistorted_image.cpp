@@ -43,8 +43,7 @@ UndistortedImage undistort_frame(const store::DecodedFrame& frame, const rig::Ca
       picture.within[at] = 1;
       for (std::size_t c = 0; c < 3; ++c) {
         const double code = code_at(frame, pixel->x(), pixel->y(), c);
-        const double linear =
-            full_scale * (space == store::BlendSpace::kPerceptual ? linear_from_srgb(code) : code);
+        const double linear = full_scale * store::part_from_value(space, code);
         picture.image.values[at * 3 + c] = static_cast<std::uint8_t>(
             std::lround(255 * srgb_from_linear(std::clamp(linear, 0.0, 1.0))));
       }

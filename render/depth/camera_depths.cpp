@@ -312,7 +312,7 @@ class Solver {
     const auto frame =
         instant_.opaque_frames().fetch(camera, instant_.frame_of_camera[camera], {}, decoded);
     pixels_decoded_ += decoded;
-    images_[camera] = MatchingImage(*frame, instant_.opaque_frames().blend_space(),
+    images_[camera] = MatchingImage(*frame, instant_.opaque_frames().scale(),
                                     instant_.rig->cameras[camera], whole_[camera]);
   }
 

@@ -16,6 +16,7 @@
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/foreground_fattening.h"
 #include "render/depth/fusion.h"
+#include "store/processing/frames/matching_code.h"
 
 namespace raystage::render {
 namespace {
@@ -71,13 +72,17 @@ struct Picture {
   }
 };
 
-Picture picture_of(const store::DecodedFrame& frame, store::BlendSpace space,
+Picture picture_of(const store::DecodedFrame& frame, const store::CodeScale& scale,
                    const rig::CameraModel& model, const VirtualCamera& pinhole) {
   Plane luma(frame.width, frame.height, 0), blue = luma, red = luma;
   const auto code = [&](std::size_t i) {
     const int upper_bits = frame.rgba[i] >> 4U;  // 12 of 16
     const double upper = upper_bits / 4095.0;
-    return 255 * (space == store::BlendSpace::kLinear ? srgb_from_linear(upper) : upper);
+    if (scale.space == store::BlendSpace::kHighRange) {
+      const double light = scale.full_scale * store::part_from_value(scale.space, upper);
+      return 255 * store::matching_code(scale, light);
+    }
+    return 255 * (scale.space == store::BlendSpace::kLinear ? srgb_from_linear(upper) : upper);
   };
   for (std::size_t i = 0; i < luma.values.size(); ++i) {
     const double y = 0.299 * code(4 * i) + 0.587 * code(4 * i + 1) + 0.114 * code(4 * i + 2);
@@ -138,7 +143,7 @@ class Reference {
       std::int64_t decoded = 0;
       const auto frame = instant.opaque_frames().fetch(static_cast<int>(i),
                                                        instant.frame_of_camera[i], {}, decoded);
-      whole_pictures_[i] = picture_of(*frame, instant.opaque_frames().blend_space(),
+      whole_pictures_[i] = picture_of(*frame, instant.opaque_frames().scale(),
                                       instant.rig->cameras[i].model, whole_[i]);
       pictures_[i] = options.regions.empty() || options.regions[i].is_empty()
                          ? whole_pictures_[i]

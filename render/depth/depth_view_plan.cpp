@@ -180,8 +180,8 @@ Luma picture_of(const LightFieldFrame& instant, std::size_t camera, const Camera
                                                    instant.frame_of_camera[camera], {}, decoded);
   pixels_decoded += decoded;
   const VirtualCamera& pinhole = depths.pinholes[camera];
-  const MatchingImage image(*frame, instant.opaque_frames().blend_space(),
-                            instant.rig->cameras[camera], pinhole);
+  const MatchingImage image(*frame, instant.opaque_frames().scale(), instant.rig->cameras[camera],
+                            pinhole);
   return {pinhole.width, pinhole.height, image.plane()};
 }
 

@@ -13,18 +13,24 @@
 
 #include "base/parallel.h"
 #include "base/transfer_function.h"
+#include "store/processing/frames/matching_code.h"
 
 namespace raystage::render {
 namespace {
 
 /// Returns 8-bit codes of sRGB's curve for the upper 12 bits of a frame's codes.
-std::vector<float> code_table(store::BlendSpace space) {
+std::vector<float> code_table(const store::CodeScale& scale) {
   constexpr int kEntries = 4096;
   std::vector<float> table(kEntries);
   for (int i = 0; i < kEntries; ++i) {
     const double code = i / (kEntries - 1.0);
+    if (scale.space == store::BlendSpace::kHighRange) {
+      const double light = scale.full_scale * store::part_from_value(scale.space, code);
+      table[i] = static_cast<float>(255 * store::matching_code(scale, light));
+      continue;
+    }
     table[i] = static_cast<float>(
-        255 * (space == store::BlendSpace::kLinear ? srgb_from_linear(code) : code));
+        255 * (scale.space == store::BlendSpace::kLinear ? srgb_from_linear(code) : code));
   }
   return table;
 }
@@ -32,8 +38,9 @@ std::vector<float> code_table(store::BlendSpace space) {
 /// Luma, and the differences of blue and red from it, halved, around 128: 8-bit codes.
 using LumaChroma = std::array<std::uint8_t, 3>;
 
-std::vector<LumaChroma> luma_chroma_of(const store::DecodedFrame& frame, store::BlendSpace space) {
-  const std::vector<float> code = code_table(space);
+std::vector<LumaChroma> luma_chroma_of(const store::DecodedFrame& frame,
+                                       const store::CodeScale& scale) {
+  const std::vector<float> code = code_table(scale);
   std::vector<LumaChroma> pixels(static_cast<std::size_t>(frame.width) * frame.height);
   for (std::size_t i = 0; i < pixels.size(); ++i) {
     const std::uint16_t* p = frame.rgba.get() + 4 * i;
@@ -147,10 +154,10 @@ std::vector<LumaChroma> without_distortion(const std::vector<LumaChroma>& pixels
 
 }  // namespace
 
-MatchingImage::MatchingImage(const store::DecodedFrame& frame, store::BlendSpace space,
+MatchingImage::MatchingImage(const store::DecodedFrame& frame, const store::CodeScale& scale,
                              const rig::Rig::Camera& camera, const VirtualCamera& pinhole)
     : width_(pinhole.width), height_(pinhole.height) {
-  std::vector<LumaChroma> pixels = luma_chroma_of(frame, space);
+  std::vector<LumaChroma> pixels = luma_chroma_of(frame, scale);
   if (camera.model.has_distortion()) pixels = without_distortion(pixels, camera.model, pinhole);
   words_.resize(pixels.size());
   chroma_.resize(pixels.size());

@@ -20,7 +20,7 @@ class MatchingImage {
  public:
   MatchingImage() = default;
   /// Converts a frame. `pinhole`: undistorted() of the camera.
-  MatchingImage(const store::DecodedFrame& frame, store::BlendSpace space,
+  MatchingImage(const store::DecodedFrame& frame, const store::CodeScale& scale,
                 const rig::Rig::Camera& camera, const VirtualCamera& pinhole);
 
   /// Returns a part of the image. Pixels at its right and lower border keep their neighbours.

@@ -54,7 +54,7 @@ TEST(MatchingImages, OfInterpolatedLensesAreThoseOfTheirModels) {
                                            {},  {},     {}};
     const rig::Rig::Camera camera{"c", rig::CameraModel(geometry), {}, {}, {}, {}};
     const VirtualCamera pinhole = undistorted(camera.model, camera.pose);
-    const MatchingImage image(pixels, store::BlendSpace::kPerceptual, camera, pinhole);
+    const MatchingImage image(pixels, {store::BlendSpace::kPerceptual, 1}, camera, pinhole);
     const schemas::Intrinsics& k = pinhole.intrinsics;
     int all = 0, differ = 0, shown_differs = 0;
     double moved = 0;

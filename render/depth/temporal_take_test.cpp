@@ -190,7 +190,7 @@ TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
         std::int64_t decoded = 0;
         const auto frame = cache_->fetch(static_cast<int>(i), of.frame_of_camera[i], {}, decoded);
         const VirtualCamera& pinhole = now.pinholes[i];
-        const MatchingImage image(*frame, cache_->blend_space(), take_->rig().cameras[i], pinhole);
+        const MatchingImage image(*frame, cache_->scale(), take_->rig().cameras[i], pinhole);
         return Luma(pinhole.width, pinhole.height, image.plane());
       };
       if (!instant.is_present(static_cast<int>(i))) {

@@ -11,7 +11,6 @@
 #include <optional>
 
 #include "base/parallel.h"
-#include "base/transfer_function.h"
 #include "render/sampling/source_view.h"
 
 namespace raystage::render {
@@ -79,9 +78,7 @@ std::array<float, 4> premultiplied_light(const std::array<double, 3>& color, dou
                                          const store::FrameCache& cache) {
   std::array<float, 4> rgba{};
   for (std::size_t c = 0; c < 3; ++c) {
-    const double linear = cache.blend_space() == store::BlendSpace::kPerceptual
-                              ? linear_from_srgb(color[c])
-                              : color[c];
+    const double linear = store::part_from_value(cache.blend_space(), color[c]);
     rgba[c] = static_cast<float>(linear * cache.full_scale() * alpha);
   }
   rgba[3] = static_cast<float>(alpha);

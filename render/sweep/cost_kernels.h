@@ -86,9 +86,10 @@ struct ReferenceCamera {
   const rig::Rig::Camera* camera = nullptr;
   const store::DecodedFrame* frame = nullptr;
 };
-double matching_cost_reference(std::span<const ReferenceCamera> cameras, store::BlendSpace space,
-                               const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
-                               double inverse_depth, double truncation, int excluded_cameras = 0);
+double matching_cost_reference(std::span<const ReferenceCamera> cameras,
+                               const store::CodeScale& scale, const Eigen::Vector3d& eye,
+                               const Eigen::Vector3d& ray, double inverse_depth, double truncation,
+                               int excluded_cameras = 0);
 
 const char* cost_kernel_target();  ///< returns the name of the instruction set in use
 

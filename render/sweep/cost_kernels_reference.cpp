@@ -9,19 +9,24 @@
 
 #include "base/transfer_function.h"
 #include "render/sweep/cost_kernels.h"
+#include "store/processing/frames/matching_code.h"
 
 namespace raystage::render {
 namespace {
 
 /// Returns an 8-bit code of the sRGB curve.
-double code(const store::DecodedFrame& frame, store::BlendSpace space, int x, int y,
+double code(const store::DecodedFrame& frame, const store::CodeScale& scale, int x, int y,
             std::size_t c) {
   const auto column = static_cast<std::size_t>(std::min(x, frame.width - 1));
   const auto row = static_cast<std::size_t>(std::min(y, frame.height - 1));
   const std::uint16_t stored =
       frame.rgba[(row * static_cast<std::size_t>(frame.width) + column) * 4 + c];
-  if (space == store::BlendSpace::kPerceptual) return stored >> 8;
-  return std::floor(srgb_from_linear(stored / 65535.0) * 255 + 0.5);
+  if (scale.space == store::BlendSpace::kPerceptual) return stored >> 8;
+  const double part = store::part_from_value(scale.space, stored / 65535.0);
+  const double shown = scale.space == store::BlendSpace::kHighRange
+                           ? store::matching_code(scale, part * scale.full_scale)
+                           : srgb_from_linear(part);
+  return std::floor(shown * 255 + 0.5);
 }
 
 using Colour = std::array<double, 3>;
@@ -42,9 +47,10 @@ double off(const Colour& a, const Colour& b) {
 
 }  // namespace
 
-double matching_cost_reference(std::span<const ReferenceCamera> cameras, store::BlendSpace space,
-                               const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
-                               double inverse_depth, double truncation, int excluded_cameras) {
+double matching_cost_reference(std::span<const ReferenceCamera> cameras,
+                               const store::CodeScale& scale, const Eigen::Vector3d& eye,
+                               const Eigen::Vector3d& ray, double inverse_depth, double truncation,
+                               int excluded_cameras) {
   std::vector<Colour> colours;
   for (const ReferenceCamera& camera : cameras) {
     const store::DecodedFrame& frame = *camera.frame;
@@ -57,7 +63,7 @@ double matching_cost_reference(std::span<const ReferenceCamera> cameras, store::
     Colour colour;
     for (std::size_t c = 0; c < 3; ++c) {
       const auto row = [&](int of) {
-        return std::lerp(code(frame, space, x, of, c), code(frame, space, x + 1, of, c), left - x);
+        return std::lerp(code(frame, scale, x, of, c), code(frame, scale, x + 1, of, c), left - x);
       };
       colour[c] = std::lerp(row(y), row(y + 1), top - y);
     }

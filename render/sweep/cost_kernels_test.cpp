@@ -21,6 +21,7 @@ struct Case {
   std::size_t cameras = 4;
   SweepPlanes planes{37, 0, 0.1};
   store::BlendSpace space = store::BlendSpace::kPerceptual;
+  double full_scale = 1;
   double truncation = 40;
   int excluded_cameras = 0;
   double view_fov = 1.3;  ///< radians
@@ -78,7 +79,8 @@ Counts expect_costs_of_reference(const Case& c) {
   std::vector<ReferenceCamera> references;
   matching.reserve(c.cameras);
   for (std::size_t i = 0; i < c.cameras; ++i) {
-    matching.emplace_back(frames[i], c.space, FrameBox{0, kWidth, 0, kHeight});
+    matching.emplace_back(frames[i], store::CodeScale{c.space, c.full_scale},
+                          FrameBox{0, kWidth, 0, kHeight});
     sources[i] = {depth_source(view, cameras[i]), &matching[i]};
     pointers.push_back(&sources[i]);
     references.push_back({&cameras[i], &frames[i]});
@@ -100,9 +102,9 @@ Counts expect_costs_of_reference(const Case& c) {
     for (std::size_t x = 0; x < width; ++x) {
       const auto ray = *rays.through(static_cast<double>(x) + 0.5, y + 0.5);
       for (int plane = 0; plane < c.planes.count; ++plane) {
-        const double expected = matching_cost_reference(references, c.space, view.pose.position,
-                                                        ray, c.planes.inverse_depth(plane),
-                                                        c.truncation, c.excluded_cameras);
+        const double expected = matching_cost_reference(
+            references, {c.space, c.full_scale}, view.pose.position, ray,
+            c.planes.inverse_depth(plane), c.truncation, c.excluded_cameras);
         const int found = costs[x * stride + static_cast<std::size_t>(plane)];
         off += std::abs(found - expected);
         // If two cameras differ nearly equally, a fraction of a code decides which is excluded.
@@ -135,6 +137,11 @@ TEST(CostKernels, AgreeWithTheReferenceWhereCamerasSeeInPart) {
   expect_costs_everywhere({.cameras = 16, .planes = {5, 0.2, 0.4}}, 100, 10);
   expect_costs_everywhere(
       {.cameras = 2, .planes = {1, 0.5, 0}, .space = store::BlendSpace::kLinear}, 100, 10);
+  expect_costs_everywhere({.cameras = 2,
+                           .planes = {1, 0.5, 0},
+                           .space = store::BlendSpace::kHighRange,
+                           .full_scale = 40},
+                          100, 10);
 }
 
 TEST(CostKernels, OneCameraKnowsNothing) {
@@ -209,7 +216,7 @@ TEST(CostKernels, APartOfAFrameIsMatchedAsTheWhole) {
     frames.reserve(c.cameras);
     for (std::size_t i = 0; i < c.cameras; ++i) {
       const store::DecodedFrame frame = random_frame(static_cast<unsigned>(i));
-      frames.emplace_back(frame, c.space, box);
+      frames.emplace_back(frame, store::CodeScale{c.space, c.full_scale}, box);
       sources[i] = {
           depth_source(view, camera_at(0.1 * static_cast<double>(i) - 0.15, c, i % 2 == 1)),
           &frames[i]};

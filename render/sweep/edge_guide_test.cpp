@@ -23,7 +23,8 @@ TEST(EdgeGuide, IsTheLuminanceAsACode) {
                   grey / 4, grey / 4, grey / 4, 0.25F,  // the same colour with less alpha
                   0,        0,        0,        0};     // transparent
   picture.coverage = {1, 1, 1, 1, 0.25F, 0};
-  EXPECT_THAT(edge_guide(picture, 0.5), ElementsAre(0, 255, 255, 100, 100, 0));
+  EXPECT_THAT(edge_guide(picture, {store::BlendSpace::kPerceptual, 0.5}),
+              ElementsAre(0, 255, 255, 100, 100, 0));
 }
 
 TEST(EdgeGuide, WeighsChannelsAsTheEyeDoes) {
@@ -35,7 +36,7 @@ TEST(EdgeGuide, WeighsChannelsAsTheEyeDoes) {
   const auto code = [](double luminance) {
     return static_cast<std::uint8_t>(255 * srgb_from_linear(luminance) + 0.5);
   };
-  EXPECT_THAT(edge_guide(picture, 1), ElementsAre(code(0.2126), code(0.7152), code(0.0722)));
+  EXPECT_THAT(edge_guide(picture, {}), ElementsAre(code(0.2126), code(0.7152), code(0.0722)));
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/transfer_function.h"
+#include "store/processing/frames/matching_code.h"
 
 namespace raystage::render {
 namespace {
@@ -17,11 +18,14 @@ namespace {
 constexpr std::size_t kChannels = 3;
 constexpr std::size_t kReadBeyond = 32;  // words
 
-std::vector<std::uint8_t> srgb_of_linear_codes() {
+std::vector<std::uint8_t> srgb_of_codes(const store::CodeScale& scale) {
   std::vector<std::uint8_t> table(65536);
   for (std::size_t code = 0; code < table.size(); ++code) {
-    table[code] =
-        static_cast<std::uint8_t>(srgb_from_linear(static_cast<double>(code) / 65535) * 255 + 0.5);
+    const double part = store::part_from_value(scale.space, static_cast<double>(code) / 65535);
+    const double shown = scale.space == store::BlendSpace::kHighRange
+                             ? store::matching_code(scale, part * scale.full_scale)
+                             : srgb_from_linear(part);
+    table[code] = static_cast<std::uint8_t>(shown * 255 + 0.5);
   }
   return table;
 }
@@ -31,9 +35,9 @@ using CodeRow = std::array<std::vector<std::uint8_t>, kChannels>;
 
 class CodeRows {
  public:
-  CodeRows(const store::DecodedFrame& frame, store::BlendSpace space, const FrameBox& box)
+  CodeRows(const store::DecodedFrame& frame, const store::CodeScale& scale, const FrameBox& box)
       : frame_(frame), box_(box) {
-    if (space == store::BlendSpace::kLinear) table_ = srgb_of_linear_codes();
+    if (scale.space != store::BlendSpace::kPerceptual) table_ = srgb_of_codes(scale);
   }
 
   void read(int y, CodeRow& row) const {
@@ -83,10 +87,10 @@ std::size_t MatchingFrame::bytes(const FrameBox& box) {
   return LargeBuffer<std::uint32_t>::bytes(words_of(box));
 }
 
-MatchingFrame::MatchingFrame(const store::DecodedFrame& frame, store::BlendSpace space,
+MatchingFrame::MatchingFrame(const store::DecodedFrame& frame, const store::CodeScale& scale,
                              const FrameBox& box)
     : box_(box), words_(words_of(box)) {
-  const CodeRows rows(frame, space, box_);
+  const CodeRows rows(frame, scale, box_);
   const auto width = static_cast<std::size_t>(pitch());
   CodeRow upper, lower;
   rows.read(box.top, upper);

@@ -23,7 +23,8 @@ class MatchingFrame {
   MatchingFrame() = default;
   /// Converts a frame. `box`: the matched part, not empty. Linear codes are converted to the sRGB
   /// curve.
-  MatchingFrame(const store::DecodedFrame& frame, store::BlendSpace space, const FrameBox& box);
+  MatchingFrame(const store::DecodedFrame& frame, const store::CodeScale& scale,
+                const FrameBox& box);
 
   const FrameBox& box() const { return box_; }
   /// Returns the words from a row of a channel to the same row of the next channel. The R, G, B of

@@ -95,8 +95,8 @@ class Frame {
       const FieldSources::Source& s = sources_[i];
       if (!s.frame) return;
       if (plan_.planes.count > 1) {
-        const store::BlendSpace space = request_.instant.cache->blend_space();
-        matching_[i].frame = MatchingFrame(*s.frame, space, wanted_box(s));
+        matching_[i].frame =
+            MatchingFrame(*s.frame, request_.instant.cache->scale(), wanted_box(s));
       }
       matching_[i].camera = {s.source, &matching_[i].frame};
     });
@@ -146,7 +146,7 @@ class Frame {
     hold(frames_and_map_bytes() + kPictureBytes * pixels(), statistics);
     RenderedView picture = empty_view(view_);
     blend(map, picture);
-    return edge_guide(picture, request_.instant.cache->full_scale());
+    return edge_guide(picture, request_.instant.cache->scale());
   }
 
   matching::PlaneMap match(std::span<const std::uint8_t> guide, RenderStatistics& statistics) {

@@ -47,7 +47,7 @@ class Reference {
   RenderedView render() {
     matching::PlaneMap map = match({});
     if (plan_.settings.edge_scale > 0) {
-      map = match(edge_guide(blend(map), request_.instant.cache->full_scale()));
+      map = match(edge_guide(blend(map), request_.instant.cache->scale()));
     }
     RenderedView image = blend(map);
     image.notes = plan_.notes;
@@ -63,7 +63,7 @@ class Reference {
     for (const int camera : tile.best) {
       matched.push_back({&cameras()[camera], &renderer_.frames().frame(camera)});
     }
-    return matching_cost_reference(matched, request_.instant.cache->blend_space(),
+    return matching_cost_reference(matched, request_.instant.cache->scale(),
                                    request_.view.pose.position, ray, inverse_depth,
                                    plan_.settings.truncation, plan_.settings.excluded_cameras);
   }

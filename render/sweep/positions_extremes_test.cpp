@@ -112,7 +112,7 @@ TEST(BlockPositionsExtremes, AreThoseOf50Digits) {
   frame.width = kWidth;
   frame.height = kHeight;
   frame.rgba = std::make_unique<std::uint16_t[]>(4 * (kWidth * (kHeight + 1) + 1));
-  const MatchingFrame matching(frame, store::BlendSpace::kPerceptual, {0, kWidth, 0, kHeight});
+  const MatchingFrame matching(frame, {store::BlendSpace::kPerceptual, 1}, {0, kWidth, 0, kHeight});
   testing::for_each_simd_target(cost_kernel_target, [&] {
     const std::string target = cost_kernel_target();
     WorstError by_fit(target + ": position by a block's parabola, px", 0.01),

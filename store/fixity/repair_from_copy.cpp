@@ -180,7 +180,7 @@ void merge(const PairInFolder& own, const PairInFolder& copy, bool dry_run,
   const FrameCodec codec = codec_of(own.archive ? own : copy);
   if (own.archive && copy.archive && codec_of(copy) != codec) {
     throw Error::bad_input(
-        "one of the archives is packed, the other is not", copy.files.archive.string(),
+        "the frames of the two archives have different forms", copy.files.archive.string(),
         "Make a copy of the same form with `raystage pack` or `raystage unpack`");
   }
   const ExaminedPair own_pair = own.examine(), copy_pair = copy.examine();

@@ -18,6 +18,7 @@
 #include "store/jpeg/decode.h"
 #include "store/jpegxl/frame_packer.h"
 #include "store/jpegxl/packed_frame.h"
+#include "store/jpegxl/picture_codec.h"
 #include "store/matroska.h"
 
 namespace raystage::store {
@@ -133,6 +134,7 @@ class Verifier {
   std::size_t torn_journal_bytes_ = 0;
   JpegDecoder decoder_;
   FramePacker packer_;
+  PictureCodec pictures_;
   ArchiveFixityReport report_;
 };
 
@@ -328,6 +330,12 @@ void Verifier::check_frame(const FrameRecord& record) {
 
 void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected) {
   try {
+    if (header_.codec == FrameCodec::kPicture) {
+      // Checks the size and that samples are finite.
+      pictures_.decode(jpeg, pair_.description.width, pair_.description.height, nullptr,
+                       pair_.archive_name);
+      return;
+    }
     std::vector<std::byte> unpacked;
     if (header_.codec == FrameCodec::kPacked && is_jpeg_xl(jpeg)) {
       const FramePacker::Size size{pair_.description.width, pair_.description.height};

@@ -144,10 +144,18 @@ class Repacker {
     return end;
   }
 
+  bool has_pictures(int camera) const {
+    return take_.archive(camera).description().codec == FrameCodec::kPicture;
+  }
+
   void transform(const Job& job, FrameBytes& jpeg, FramePacker::Packed& packed) {
     if (job.frame < 0) return;
     const auto start = std::chrono::steady_clock::now();
     const ArchiveReader& archive = take_.archive(job.camera);
+    if (has_pictures(job.camera)) {  // they stay as they are
+      jpeg = archive.stored(job.frame);
+      return;
+    }
     jpeg = archive.jpeg(job.frame);
     if (codec_ == FrameCodec::kPacked) {
       const ArchiveWriter::Description& camera = archive.description();

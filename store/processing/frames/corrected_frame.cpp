@@ -32,6 +32,12 @@ CorrectedFrame decode_corrected_frame(const Take& take, int camera, int frame,
                                       const schemas::PhotometricResponse& response,
                                       const CodeScale& scale, const LevelTable& levels) {
   const std::string& id = take.document().cameras[camera].id;
+  if (const auto& pixels = take.document().cameras[camera].pixels) {
+    const DeepPicture deep = take.archive(camera).picture(frame);  // has the size in take.json
+    CorrectedFrame picture(deep.width, deep.height);
+    PhotometricCorrection(response, expected, *pixels, scale, levels).convert(deep, picture.values);
+    return picture;
+  }
   const auto jpeg = take.archive(camera).jpeg(frame);
   const JpegLayout layout = parse_jpeg_layout(jpeg, id);
   if (layout.width != expected.width || layout.height != expected.height) {

@@ -22,6 +22,7 @@
 #include "base/transfer_function.h"
 #include "store/processing/frames/frame_pages.h"
 #include "store/processing/frames/incremental_decode.h"
+#include "store/processing/frames/matching_code.h"
 #include "store/processing/frames/photometric_correction.h"
 #include "store/processing/motion/frame_interpolation.h"
 
@@ -51,10 +52,32 @@ rig::PictureSize size_of(const rig::Rig::Camera& camera) {
 
 double max_linear_light_of_take(const Take& take) {
   double light = 1;
-  for (const rig::Rig::Camera& camera : take.rig().cameras) {
-    light = std::max(light, max_linear_light(camera.photometric, size_of(camera), take.document()));
+  for (std::size_t i = 0; i < take.rig().cameras.size(); ++i) {
+    const rig::Rig::Camera& camera = take.rig().cameras[i];
+    const auto& pixels = take.document().cameras[i].pixels;
+    light = std::max(
+        light, pixels ? max_linear_light(camera.photometric, size_of(camera), *pixels)
+                      : max_linear_light(camera.photometric, size_of(camera), take.document()));
   }
   return light;
+}
+
+/// Returns the scale of the take's levels where `wanted` is asked for.
+BlendSpace blend_space_of_take(const Take& take, BlendSpace wanted, double full_scale) {
+  const bool has_highlights = full_scale > 1 && take.document().has_deep_pixels();
+  return wanted == BlendSpace::kPerceptual && has_highlights ? BlendSpace::kHighRange : wanted;
+}
+
+/// Returns whether two cameras have the same table of samples of more than 8 bits.
+bool is_alike(const Take& take, std::size_t a, std::size_t b) {
+  const auto& cameras = take.document().cameras;
+  if (!cameras[a].pixels || !cameras[b].pixels) return false;
+  schemas::PixelEncoding first = *cameras[a].pixels;
+  first.peak = cameras[b].pixels->peak;  // full scale, which they share, limits light
+  const rig::Rig::Camera &one = take.rig().cameras[a], &other = take.rig().cameras[b];
+  const rig::PictureSize size = size_of(one), other_size = size_of(other);
+  return first == *cameras[b].pixels && one.photometric == other.photometric &&
+         size.width == other_size.width && size.height == other_size.height;
 }
 
 bool contains(const DecodedFrame& frame, const McuMask& wanted) {
@@ -73,7 +96,7 @@ struct FrameCache::State {
       : take(of_take),
         budget(budget_bytes),
         full_scale(with_full_scale),
-        space(in_space),
+        space(blend_space_of_take(of_take, in_space, with_full_scale)),
         matte(std::move(with_matte)),
         interpolated(std::move(with_interpolated)) {}
 
@@ -102,6 +125,11 @@ struct FrameCache::State {
   std::multimap<std::size_t, std::unique_ptr<std::uint16_t[]>> spare;
   std::size_t spare_bytes = 0;
   std::map<std::pair<int, int>, std::shared_ptr<const DecodedFrame>> white_frames;  // by size
+
+  /// Returns whether a camera's frames have more than 8 bits; they can only be decoded whole.
+  bool is_deep(int camera) const {
+    return take.document().cameras[static_cast<std::size_t>(camera)].pixels.has_value();
+  }
 
   /// Returns the layout of a picture that has no JPEG.
   JpegLayout whole_layout(int camera) const {
@@ -147,7 +175,7 @@ struct FrameCache::State {
   }
 
   const JpegLayout& layout_of(const Key& key, Entry& held) {
-    if (!held.layout && InterpolatedFrames::is_interpolated(key.second)) {
+    if (!held.layout && (InterpolatedFrames::is_interpolated(key.second) || is_deep(key.first))) {
       held.layout = std::make_shared<const JpegLayout>(whole_layout(key.first));
     }
     if (!held.layout) {
@@ -215,6 +243,7 @@ struct FrameCache::State {
                            const McuMask& mcus) {
     const auto start = std::chrono::steady_clock::now();
     const PhotometricCorrection& correction = corrections[key.first];
+    if (is_deep(key.first)) return decode_deep_into(frame, key, layout, mcus);
     const FrameBytes jpeg = take.archive(key.first).jpeg_part(key.second, layout, mcus);
     request_pages(pixels_of(frame), layout, mcus);
     const std::int64_t decoded = decoders.local().decode_region(
@@ -228,6 +257,24 @@ struct FrameCache::State {
                               .count();
     jpeg_bytes += static_cast<std::int64_t>(jpeg.size());
     return decoded;
+  }
+
+  /// Decodes a whole frame of more than 8 bits.
+  std::int64_t decode_deep_into(const DecodedFrame& frame, const Key& key, const JpegLayout& layout,
+                                const McuMask& mcus) {
+    const auto start = std::chrono::steady_clock::now();
+    const ArchiveReader& archive = take.archive(key.first);
+    const DeepPicture picture = archive.picture(key.second);
+    request_pages(pixels_of(frame), layout, mcus);
+    corrections[key.first].convert(picture, pixels_of(frame));
+    if (matte) {
+      key_mcus(*matte->make_keyer(key.first, key.second, {space, full_scale}), frame, layout, mcus);
+    }
+    decode_nanoseconds += std::chrono::duration_cast<std::chrono::nanoseconds>(
+                              std::chrono::steady_clock::now() - start)
+                              .count();
+    jpeg_bytes += static_cast<std::int64_t>(archive.frames()[key.second].size);
+    return std::int64_t{layout.width} * layout.height;
   }
 
   void key_mcus(const FrameKeyer& key, const DecodedFrame& frame, const JpegLayout& layout,
@@ -286,8 +333,10 @@ struct FrameCache::State {
     std::vector<std::uint8_t> table(static_cast<std::size_t>(kLevels) + 1);
     for (std::size_t level = 0; level < table.size(); ++level) {
       const double value = static_cast<double>(level) / kLevels;
-      const double light = space == BlendSpace::kLinear ? value : linear_from_srgb(value);
-      const double code = srgb_from_linear(std::min(1.0, light * full_scale));
+      const double light = part_from_value(space, value) * full_scale;
+      const double code = space == BlendSpace::kHighRange
+                              ? matching_code({space, full_scale}, light)
+                              : srgb_from_linear(std::min(1.0, light));
       table[level] = static_cast<std::uint8_t>(std::clamp(kWhite * code + 0.5, 0.0, kWhite));
     }
     return table;
@@ -370,11 +419,23 @@ FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace sp
                        std::shared_ptr<const InterpolatedFrames> interpolated)
     : state_(std::make_shared<State>(take, budget_bytes, max_linear_light_of_take(take), space,
                                      std::move(matte), std::move(interpolated))) {
+  const CodeScale scale{state_->space, state_->full_scale};
   LevelTable levels;
-  for (const rig::Rig::Camera& camera : take.rig().cameras) {
-    if (!levels && needs_per_pixel_correction(camera.photometric)) levels = make_level_table(space);
-    state_->corrections.emplace_back(camera.photometric, size_of(camera), take.document(),
-                                     CodeScale{space, state_->full_scale}, levels);
+  for (std::size_t i = 0; i < take.rig().cameras.size(); ++i) {
+    const rig::Rig::Camera& camera = take.rig().cameras[i];
+    const auto& pixels = take.document().cameras[i].pixels;
+    const bool by_pixel = needs_per_pixel_correction(camera.photometric) ||
+                          (pixels && pixels->chromaticities.has_value());
+    if (!levels && by_pixel) levels = make_level_table(scale.space);
+    if (!pixels) {
+      state_->corrections.emplace_back(camera.photometric, size_of(camera), take.document(), scale,
+                                       levels);
+    } else if (i > 0 && is_alike(take, i - 1, i)) {
+      const PhotometricCorrection same = state_->corrections.back();  // shares its tables
+      state_->corrections.push_back(same);
+    } else {
+      state_->corrections.emplace_back(camera.photometric, size_of(camera), *pixels, scale, levels);
+    }
   }
   state_->ahead.resize(take.rig().cameras.size());
   take.unpacked_frames().set_budget(state_->max_unpacked_bytes());
@@ -441,7 +502,7 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   const JpegLayout& layout = state_->layout_of(key, *entry);
   const bool adds =
       held && look != kUngrouped && look == entry->fetch_group && layout.regions_decodable();
-  const bool whole = wanted.empty() || (held && !adds);
+  const bool whole = wanted.empty() || (held && !adds) || state_->is_deep(camera);
   const McuMask all(whole ? static_cast<std::size_t>(layout.mcu_count()) : 0, 1);
   auto decoded = state_->share(
       adds && !whole ? state_->decode_more(key, layout, *held, wanted, pixels_decoded)
@@ -491,6 +552,8 @@ bool FrameCache::is_fully_decoded(int camera, int frame) {
 BlendSpace FrameCache::blend_space() const { return state_->space; }
 
 bool FrameCache::has_matte() const { return state_->matte != nullptr; }
+
+CodeScale FrameCache::scale() const { return {state_->space, state_->full_scale}; }
 
 double FrameCache::full_scale() const { return state_->full_scale; }
 

@@ -78,9 +78,10 @@ class FrameCache {
   FetchGroup new_fetch_group();
 
   /// Returns the frame with at least the `wanted` MCUs decoded, or all of it if `wanted` is empty.
-  /// JpegDecoder::decode_region states what holds at the borders of MCUs. A partly decoded frame of
-  /// the same group gains the missing MCUs. Without restart markers, where that costs as much, it
-  /// is decoded whole. Adds the number of entropy-decoded pixels to `pixels_decoded`.
+  /// JpegDecoder::decode_region states what holds at the borders of MCUs. Frames of more than 8
+  /// bits are decoded whole. A partly decoded frame of the same group gains the missing MCUs.
+  /// Without restart markers, where that costs as much, it is decoded whole. Adds the number of
+  /// entropy-decoded pixels to `pixels_decoded`.
   std::shared_ptr<const DecodedFrame> fetch(int camera, int frame, const McuMask& wanted,
                                             std::int64_t& pixels_decoded,
                                             FetchGroup look = kUngrouped);
@@ -93,12 +94,14 @@ class FrameCache {
   /// cameras that a shot does not need cost nothing.
   void read_ahead(int camera, int frame);
 
+  /// Returns the scale of the codes: the one that was asked for, or kHighRange.
   BlendSpace blend_space() const;
   /// Returns whether frames may be transparent.
   bool has_matte() const;
   /// Returns the linear light of code 65535: 1, or more if a camera's photometric correction raises
   /// its white above 1.
   double full_scale() const;
+  CodeScale scale() const;  ///< blend_space() and full_scale()
   std::size_t bytes_held() const;
   /// Returns the number of frames that read_ahead() has requested from disk.
   int frames_read_ahead() const;

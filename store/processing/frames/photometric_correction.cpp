@@ -15,6 +15,7 @@
 
 #include "base/transfer_function.h"
 #include "store/linear_from_frame_code.h"
+#include "store/pixel_light.h"
 
 namespace raystage::store {
 namespace {
@@ -31,18 +32,12 @@ double linear_from_code(const schemas::PhotometricResponse& response,
 
 std::uint16_t level_of(double light, const CodeScale& scale) {
   const double part = std::clamp(light / scale.full_scale, 0.0, 1.0);
-  const double value = scale.space == BlendSpace::kPerceptual ? srgb_from_linear(part) : part;
-  return static_cast<std::uint16_t>(value * (kLevels - 1) + 0.5);
+  return static_cast<std::uint16_t>(value_from_part(scale.space, part) * (kLevels - 1) + 0.5);
 }
 
-bool exceeds_limit(const schemas::HotPixel& pixel) {
-  return std::ranges::max(pixel.light) > schemas::PhotometricResponse::kMaxHotPixelLevel;
-}
-
-}  // namespace
-
-double max_linear_light(const schemas::PhotometricResponse& response, rig::PictureSize size,
-                        const schemas::TakeDocument& take) {
+/// Returns the brightest light of a camera whose white has the light `white` per channel.
+double max_corrected_light(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                           const schemas::Rgb& white) {
   schemas::Rgb brightest{}, most_gain{1, 1, 1};
   if (response.gain_map) {
     for (const schemas::Rgb& node : response.gain_map->gain) {
@@ -63,9 +58,7 @@ double max_linear_light(const schemas::PhotometricResponse& response, rig::Pictu
     for (double& gain : most_gain) gain *= most;
   }
   for (std::size_t c = 0; c < 3; ++c) {
-    brightest[c] =
-        most_gain[c] * (response.brightness[c] +
-                        response.contrast[c] * linear_from_code(response, take, c, kCodes - 1));
+    brightest[c] = most_gain[c] * (response.brightness[c] + response.contrast[c] * white[c]);
   }
   double most = 0;
   for (const schemas::Rgb& row : response.matrix) {
@@ -74,6 +67,48 @@ double max_linear_light(const schemas::PhotometricResponse& response, rig::Pictu
     most = std::max(most, sum);
   }
   return most;
+}
+
+/// Returns the light of a sample's light by one channel of a response's curve.
+double light_by_curve(const std::vector<double>& curve, double light) {
+  if (curve.empty() || light <= 0) return light;
+  const auto corrected = [&](double of) {
+    return linear_from_srgb(rig::evaluate_response_curve(curve, srgb_from_linear(of)));
+  };
+  return light <= 1 ? corrected(light) : light * corrected(1);
+}
+
+/// Returns a response that also converts a camera's primaries to Rec.709.
+schemas::PhotometricResponse with_primaries(schemas::PhotometricResponse response,
+                                            const schemas::PixelEncoding& encoding) {
+  if (!encoding.chromaticities) return response;
+  const schemas::ColorMatrix to = rec709_from(encoding), own = response.matrix;
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j) {
+      response.matrix[i][j] = to[i][0] * own[0][j] + to[i][1] * own[1][j] + to[i][2] * own[2][j];
+    }
+  }
+  return response;
+}
+
+bool exceeds_limit(const schemas::HotPixel& pixel) {
+  return std::ranges::max(pixel.light) > schemas::PhotometricResponse::kMaxHotPixelLevel;
+}
+
+}  // namespace
+
+double max_linear_light(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                        const schemas::TakeDocument& take) {
+  schemas::Rgb white{};
+  for (std::size_t c = 0; c < 3; ++c) white[c] = linear_from_code(response, take, c, kCodes - 1);
+  return max_corrected_light(response, size, white);
+}
+
+double max_linear_light(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                        const schemas::PixelEncoding& encoding) {
+  schemas::Rgb white{};
+  for (std::size_t c = 0; c < 3; ++c) white[c] = light_by_curve(response.curve[c], encoding.peak);
+  return max_corrected_light(with_primaries(response, encoding), size, white);
 }
 
 /// The gains of a frame, row by row.
@@ -143,15 +178,17 @@ class PhotometricCorrection::Gains {
 /// The correction of single pixels.
 class PhotometricCorrection::Pixels {
  public:
-  Pixels(const schemas::PhotometricResponse& response, rig::PictureSize size,
-         const schemas::TakeDocument& take, const CodeScale& scale, LevelTable levels)
+  /// `shown(channel, code)`: the light of a code, of `codes` ones, before contrast and brightness.
+  template <class Shown>
+  Pixels(const schemas::PhotometricResponse& response, rig::PictureSize size, int codes,
+         const Shown& shown, const CodeScale& scale, LevelTable levels)
       : dark_(response.hot_pixels), levels_(std::move(levels)) {
     for (std::size_t c = 0; c < 3; ++c) {
       contrast_[c] = static_cast<float>(response.contrast[c]);
-      for (int code = 0; code < kCodes; ++code) {
+      light_[c].resize(static_cast<std::size_t>(codes));
+      for (int code = 0; code < codes; ++code) {
         light_[c][code] =
-            static_cast<float>(response.brightness[c] +
-                               response.contrast[c] * linear_from_code(response, take, c, code));
+            static_cast<float>(response.brightness[c] + response.contrast[c] * shown(c, code));
       }
       for (std::size_t k = 0; k < 3; ++k) {
         matrix_[c][k] = static_cast<float>(response.matrix[c][k] / scale.full_scale);
@@ -283,8 +320,8 @@ class PhotometricCorrection::Pixels {
 
   std::vector<schemas::HotPixel> dark_;
   std::array<float, 3> contrast_{};
-  std::array<std::array<float, kCodes>, 3> light_{};  ///< per code, before gain and matrix
-  std::array<std::array<float, 3>, 3> matrix_{};      ///< divided by the full scale
+  std::array<std::vector<float>, 3> light_{};     ///< per code, before gain and matrix
+  std::array<std::array<float, 3>, 3> matrix_{};  ///< divided by the full scale
   LevelTable levels_;
   std::optional<Gains> gains_;
 };
@@ -317,7 +354,71 @@ PhotometricCorrection::PhotometricCorrection(const schemas::PhotometricResponse&
   }
   if (!by_pixel) return;
   if (!levels) levels = make_level_table(scale.space);
-  pixels_ = std::make_shared<const Pixels>(response, size, take, scale, std::move(levels));
+  pixels_ = std::make_shared<const Pixels>(
+      response, size, kCodes,
+      [&](std::size_t c, int code) { return linear_from_code(response, take, c, code); }, scale,
+      std::move(levels));
+}
+
+PhotometricCorrection::PhotometricCorrection(const schemas::PhotometricResponse& response,
+                                             rig::PictureSize size,
+                                             const schemas::PixelEncoding& encoding,
+                                             const CodeScale& scale, LevelTable levels) {
+  const schemas::PhotometricResponse whole = with_primaries(response, encoding);
+  const auto shown = [&](std::size_t c, int sample) {
+    return light_by_curve(response.curve[c],
+                          light_from_sample(encoding, static_cast<std::uint16_t>(sample)));
+  };
+  if (needs_per_pixel_correction(whole)) {
+    if (!levels) levels = make_level_table(scale.space);
+    pixels_ = std::make_shared<const Pixels>(whole, size, static_cast<int>(kSampleValues), shown,
+                                             scale, std::move(levels));
+    return;
+  }
+  std::vector<std::uint16_t> table(3 * kSampleValues);
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t sample = 0; sample < kSampleValues; ++sample) {
+      const auto value = static_cast<std::uint16_t>(sample);
+      table[c * kSampleValues + sample] =
+          level_of(light_of_sample(response, encoding, c, value), scale);
+    }
+  }
+  deep_table_ = std::make_shared<const std::vector<std::uint16_t>>(std::move(table));
+}
+
+double PhotometricCorrection::light_of_sample(const schemas::PhotometricResponse& response,
+                                              const schemas::PixelEncoding& encoding,
+                                              std::size_t channel, std::uint16_t sample) {
+  const double shown = light_by_curve(response.curve[channel], light_from_sample(encoding, sample));
+  return response.brightness[channel] + response.contrast[channel] * shown;
+}
+
+void PhotometricCorrection::convert(const DeepPicture& picture,
+                                    std::span<std::uint16_t> rgba) const {
+  const std::size_t pixels =
+      static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.height);
+  const std::uint16_t* const from = picture.samples.data();
+  constexpr std::uint16_t kOpaque = 65535;
+  if (deep_table_) {
+    const std::uint16_t* const table = deep_table_->data();
+    for (std::size_t i = 0; i < pixels; ++i) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        rgba[4 * i + c] = table[c * kSampleValues + from[3 * i + c]];
+      }
+      rgba[4 * i + 3] = kOpaque;
+    }
+    return;
+  }
+  for (std::size_t i = 0; i < pixels; ++i) {
+    std::copy_n(from + 3 * i, 3, &rgba[4 * i]);
+    rgba[4 * i + 3] = kOpaque;
+  }
+  JpegLayout layout;
+  layout.width = picture.width;
+  layout.height = picture.height;
+  layout.mcus_per_row = (layout.width + layout.mcu_width - 1) / layout.mcu_width;
+  layout.mcu_rows = (layout.height + layout.mcu_height - 1) / layout.mcu_height;
+  correct(rgba, layout, McuMask(static_cast<std::size_t>(layout.mcu_count()), 1));
 }
 
 void PhotometricCorrection::correct(std::span<std::uint16_t> rgba, const JpegLayout& layout,
@@ -335,6 +436,24 @@ std::array<std::uint16_t, 3> PhotometricCorrection::reference(
     if (pixel.x == x && pixel.y == y) dark = pixel.light;
   }
   const schemas::Rgb light = rig::apply_photometric_correction(response, size, x, y, shown, dark);
+  std::array<std::uint16_t, 3> levels{};
+  for (std::size_t c = 0; c < 3; ++c) levels[c] = level_of(light[c], scale);
+  return levels;
+}
+
+std::array<std::uint16_t, 3> PhotometricCorrection::reference(
+    const schemas::PhotometricResponse& response, rig::PictureSize size,
+    const schemas::PixelEncoding& encoding, const CodeScale& scale, int x, int y,
+    const std::array<std::uint16_t, 3>& sample) {
+  schemas::Rgb shown{}, dark{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    shown[c] = light_by_curve(response.curve[c], light_from_sample(encoding, sample[c]));
+  }
+  for (const schemas::HotPixel& pixel : response.hot_pixels) {
+    if (pixel.x == x && pixel.y == y) dark = pixel.light;
+  }
+  const schemas::Rgb light = rig::apply_photometric_correction(with_primaries(response, encoding),
+                                                               size, x, y, shown, dark);
   std::array<std::uint16_t, 3> levels{};
   for (std::size_t c = 0; c < 3; ++c) levels[c] = level_of(light[c], scale);
   return levels;

@@ -8,9 +8,11 @@
 #include <vector>
 
 #include "rig/photometric_model.h"
+#include "schemas/pixel_encoding.h"
 #include "schemas/take_document.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
+#include "store/jpegxl/deep_picture.h"
 #include "store/processing/frames/frame_matte.h"
 
 namespace raystage::store {
@@ -18,6 +20,11 @@ namespace raystage::store {
 /// Returns the linear light of the brightest pixel that a camera can record, over all channels.
 double max_linear_light(const schemas::PhotometricResponse& response, rig::PictureSize size,
                         const schemas::TakeDocument& take);
+
+/// The same of a camera whose frames have more than 8 bits: `encoding.peak` passed through the
+/// correction.
+double max_linear_light(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                        const schemas::PixelEncoding& encoding);
 
 /// Levels, 0 to 65535, of light at 65536 equal steps of its square root, which resolves dark tones
 /// as finely as the eye; for full scale 1. Cameras share one table.
@@ -38,6 +45,12 @@ class PhotometricCorrection {
                         const schemas::TakeDocument& take, const CodeScale& scale,
                         LevelTable levels = nullptr);
 
+  /// For frames of more than 8 bits: prepares tables of samples, for convert(). The curve of the
+  /// response is one of sRGB codes; above white it is a straight line.
+  PhotometricCorrection(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                        const schemas::PixelEncoding& encoding, const CodeScale& scale,
+                        LevelTable levels = nullptr);
+
   /// Returns the table for JpegDecoder::decode_region.
   const LinearTable& table() const { return table_; }
   bool is_table_only() const { return !pixels_; }
@@ -47,6 +60,15 @@ class PhotometricCorrection {
   void correct(std::span<std::uint16_t> rgba, const JpegLayout& layout,
                const McuMask& wanted) const;
 
+  /// Converts a picture of more than 8 bits to light, whole. `rgba`: R, G, B, 65535 per pixel.
+  void convert(const DeepPicture& picture, std::span<std::uint16_t> rgba) const;
+
+  /// Returns the light of a sample, full scale 1, before gain and matrix; 0 or more unless the
+  /// sample is negative. Of a response with a table only, this is what its table holds.
+  static double light_of_sample(const schemas::PhotometricResponse& response,
+                                const schemas::PixelEncoding& encoding, std::size_t channel,
+                                std::uint16_t sample);
+
   /// Returns the levels of `code` at pixel (x, y), R, G, B: the slow reference for correct(),
   /// except for hot pixels that are replaced by their neighbours.
   static std::array<std::uint16_t, 3> reference(const schemas::PhotometricResponse& response,
@@ -54,11 +76,19 @@ class PhotometricCorrection {
                                                 const schemas::TakeDocument& take,
                                                 const CodeScale& scale, int x, int y,
                                                 const std::array<std::uint8_t, 3>& code);
+  /// The same of samples of more than 8 bits.
+  static std::array<std::uint16_t, 3> reference(const schemas::PhotometricResponse& response,
+                                                rig::PictureSize size,
+                                                const schemas::PixelEncoding& encoding,
+                                                const CodeScale& scale, int x, int y,
+                                                const std::array<std::uint16_t, 3>& sample);
 
  private:
   class Gains;
   class Pixels;
   LinearTable table_{};
+  /// Levels of samples of more than 8 bits, R, G, B one after the other; null: there is none.
+  std::shared_ptr<const std::vector<std::uint16_t>> deep_table_;
   std::shared_ptr<const Pixels> pixels_;
 };
 

@@ -16,14 +16,13 @@ constexpr std::size_t kRoots = 4096;  // linear interpolation is within 1e-6
 }  // namespace
 
 TransferFunction::TransferFunction(const CodeScale& scale)
-    : perceptual_(scale.space == BlendSpace::kPerceptual),
+    : space_(scale.space),
       full_scale_(static_cast<float>(scale.full_scale)),
       linear_(65536),
       of_root_(kRoots + 2) {
   for (std::size_t i = 0; i < linear_.size(); ++i) {
     const double code = static_cast<double>(i) / 65535;
-    linear_[i] =
-        static_cast<float>(scale.full_scale * (perceptual_ ? linear_from_srgb(code) : code));
+    linear_[i] = static_cast<float>(scale.full_scale * part_from_value(space_, code));
   }
   for (std::size_t i = 0; i < of_root_.size(); ++i) {
     const double root = static_cast<double>(i) / kRoots;
@@ -40,7 +39,10 @@ float TransferFunction::srgb(float linear) const {
 
 float TransferFunction::code(float linear) const {
   const float part = linear / full_scale_;
-  return 65535 * (perceptual_ ? srgb(part) : std::clamp(part, 0.0F, 1.0F));
+  if (space_ == BlendSpace::kHighRange) {
+    return 65535 * std::pow(std::clamp(part, 0.0F, 1.0F), 1 / 2.4F);
+  }
+  return 65535 * (space_ == BlendSpace::kPerceptual ? srgb(part) : std::clamp(part, 0.0F, 1.0F));
 }
 
 }  // namespace raystage::store

@@ -20,7 +20,7 @@ class TransferFunction {
   float srgb(float linear) const;
 
  private:
-  bool perceptual_;
+  BlendSpace space_;
   float full_scale_;
   std::vector<float> linear_;   // per code
   std::vector<float> of_root_;  // sRGB code at equal steps of the square root of linear light

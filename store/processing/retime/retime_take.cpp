@@ -161,6 +161,10 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
                          const std::stop_token& stop) {
   require_valid(options, "retiming");
   take.check_not_inside(folder);
+  if (take.document().has_deep_pixels()) {
+    throw Error::bad_input("takes of more than 8 bits cannot be retimed", take.folder().string(),
+                           "Render the take as it is, or import its pictures with 8 bits");
+  }
   use_one_opencv_thread();
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   // Times in archives are not negative, but corrected times may be.

@@ -16,7 +16,6 @@
 
 #include "base/error.h"
 #include "base/frame_rate.h"
-#include "base/transfer_function.h"
 #include "compose/exr/scanline_file.h"
 #include "render/common/view.h"
 #include "schemas/rig_document.h"

@@ -6,12 +6,14 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <csignal>
 #include <limits>
 
 #include "base/error.h"
+#include "base/half_float.h"
 #include "base/transfer_function.h"
 #include "images/image_file.h"
 #include "store/take.h"
@@ -160,8 +162,74 @@ void write_with_oiio(const std::filesystem::path& file, int width, int height, i
 TEST_F(ImportTake, SixteenBitsAreRounded) {
   const std::vector<float> values(std::size_t{16 * 16 * 3}, 100.4F / 255);
   write_with_oiio(inputs() / "a.png", 16, 16, 3, OIIO::TypeDesc::UINT16, values);
-  run(one_image("a.png", 16, 16));
+  run(one_image("a.png", 16, 16), {.keep_depth = false});
   EXPECT_NEAR(decoded(0, 0).values[100], 100, 1);
+}
+
+TEST_F(ImportTake, SixteenBitsKeepTheirCodes) {
+  std::vector<float> values;
+  for (int i = 0; i < 16 * 16 * 3; ++i) values.push_back(static_cast<float>(i * 85 + 3) / 65535.0F);
+  write_with_oiio(inputs() / "a.png", 16, 16, 3, OIIO::TypeDesc::UINT16, values);
+  const ImportSummary summary = run(one_image("a.png", 16, 16));
+  EXPECT_EQ(summary.deep, 1);
+  EXPECT_EQ(summary.encoded, 0);
+  const store::Take read(take());
+  const schemas::PixelEncoding& pixels = read.document().cameras[0].pixels.value();
+  EXPECT_EQ(pixels.samples, schemas::PixelEncoding::Samples::kInteger);
+  EXPECT_EQ(pixels.bits, 16);
+  EXPECT_EQ(pixels.transfer, schemas::PixelEncoding::Transfer::kSrgb);
+  EXPECT_NEAR(pixels.peak, linear_from_srgb((16 * 16 * 3 - 1) * 85.0 / 65535 + 3.0 / 65535), 1e-6);
+  const store::DeepPicture picture = read.archive(0).picture(0);
+  ASSERT_EQ(picture.samples.size(), values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) EXPECT_EQ(picture.samples[i], i * 85 + 3);
+  std::filesystem::remove_all(take());
+  EXPECT_EQ(run(one_image("a.png", 16, 16), {.keep_depth = false}).encoded, 1);
+  EXPECT_FALSE(store::Take(take()).document().has_deep_pixels());
+}
+
+TEST_F(ImportTake, FloatsBecomeHalfFloatsWithTheirPrimaries) {
+  constexpr std::array<float, 8> kAp1{0.713F, 0.293F, 0.165F,   0.83F,
+                                      0.128F, 0.044F, 0.32168F, 0.33767F};
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  std::vector<float> values;
+  for (int i = 0; i < 16 * 16; ++i) {
+    values.insert(values.end(), {0.25F, 37.5F, i == 7 ? kInfinity : -0.125F});
+  }
+  OIIO::ImageSpec spec(16, 16, 3, OIIO::TypeDesc::FLOAT);
+  spec.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), kAp1.data());
+  const auto output = OIIO::ImageOutput::create((inputs() / "a.exr").string());
+  ASSERT_TRUE(output && output->open((inputs() / "a.exr").string(), spec));
+  ASSERT_TRUE(output->write_image(OIIO::TypeDesc::FLOAT, values.data()));
+  ASSERT_TRUE(output->close());
+  schemas::ImportManifest manifest = one_image("a.exr", 16, 16);
+  manifest.color_space = "lin_rec709_scene";
+  const ImportSummary summary = run(manifest);
+  EXPECT_EQ(summary.deep, 1);
+  EXPECT_EQ(summary.not_finite, 1);
+  const store::Take read(take());
+  const schemas::PixelEncoding& pixels = read.document().cameras[0].pixels.value();
+  EXPECT_EQ(pixels.samples, schemas::PixelEncoding::Samples::kHalf);
+  EXPECT_EQ(pixels.peak, 65504);
+  ASSERT_TRUE(pixels.chromaticities.has_value());
+  EXPECT_NEAR((*pixels.chromaticities)[0], 0.713, 1e-6);
+  const store::DeepPicture picture = read.archive(0).picture(0);
+  EXPECT_EQ(float_from_half(picture.samples[0]), 0.25F);
+  EXPECT_EQ(float_from_half(picture.samples[1]), 37.5F);
+  EXPECT_EQ(float_from_half(picture.samples[2]), -0.125F);
+  EXPECT_EQ(float_from_half(picture.samples[3 * 7 + 2]), kLargestHalf);
+}
+
+TEST_F(ImportTake, OneCameraHasOneDepth) {
+  const std::vector<float> values(std::size_t{48 * 40 * 3}, 0.4F);
+  write_with_oiio(inputs() / "a.png", 48, 40, 3, OIIO::TypeDesc::UINT16, values);
+  images::write_image(picture(48, 40, 1), inputs() / "b.png");
+  write_file_atomically(inputs() / "c.jpg", testing::jpeg_as_string(picture(48, 40, 1)));
+  for (const auto& [first, second] :
+       {std::pair{"b.png", "a.png"}, std::pair{"c.jpg", "a.png"}, std::pair{"a.png", "c.jpg"}}) {
+    schemas::ImportManifest manifest = one_image(first);
+    manifest.cameras[0].frames.push_back({second, 1000});
+    EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("more than 8 bits")) << first;
+  }
 }
 
 TEST_F(ImportTake, GreyWithAlphaBecomesGrey) {
@@ -180,7 +248,7 @@ TEST_F(ImportTake, LinearImagesBecomeSrgb) {
   write_with_oiio(inputs() / "a.exr", 16, 16, 3, OIIO::TypeDesc::FLOAT, values);
   schemas::ImportManifest manifest = one_image("a.exr", 16, 16);
   manifest.color_space = "lin_rec709_scene";
-  run(manifest);
+  run(manifest, {.keep_depth = false});
   const store::RgbImage image = decoded(0, 0);
   EXPECT_NEAR(image.values[0], srgb_from_linear(0.2) * 255, 2);
   EXPECT_NEAR(image.values[1], 255, 2);

@@ -203,5 +203,67 @@ INSTANTIATE_TEST_SUITE_P(BothSpaces, Correction,
                            return space.param == BlendSpace::kLinear ? "linear" : "perceptual";
                          });
 
+TEST(DeepCorrection, AgreesWithTheReferenceAndKeepsLightAboveWhite) {
+  schemas::PixelEncoding half;
+  half.peak = 100;
+  schemas::PixelEncoding wide = half;
+  wide.chromaticities = {0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767};
+  const schemas::PixelEncoding twelve{
+      schemas::PixelEncoding::Samples::kInteger, 12, schemas::PixelEncoding::Transfer::kPq, {}, 49};
+  schemas::PhotometricResponse plain, whole;
+  plain.contrast = {1.1, 0.9, 1};
+  plain.curve[1] = {0, 0.4, 1};
+  whole = plain;
+  whole.vignetting = schemas::Vignetting{20, 10, {0.4, 0.1, 0}};
+  whole.hot_pixels = {{3, 2, {0.01, 0.02, 0.03}}};
+  constexpr rig::PictureSize kDeepSize{40, 20};
+  DeepPicture picture{kDeepSize.width, kDeepSize.height, {}};
+  for (unsigned i = 0; i < 3U * 40 * 20; ++i) {
+    picture.samples.push_back(static_cast<std::uint16_t>((i * 977U) % 0x5640U));  // up to 100
+  }
+  for (const schemas::PixelEncoding& encoding : {half, wide, twelve}) {
+    for (const schemas::PhotometricResponse& response : {plain, whole}) {
+      for (const BlendSpace space :
+           {BlendSpace::kPerceptual, BlendSpace::kLinear, BlendSpace::kHighRange}) {
+        const CodeScale scale{space, max_linear_light(response, kDeepSize, encoding)};
+        EXPECT_GT(scale.full_scale, 40);
+        std::vector<std::uint16_t> levels(4 * 40 * 20);
+        PhotometricCorrection(response, kDeepSize, encoding, scale).convert(picture, levels);
+        int worst = 0;
+        for (int i = 0; i < 40 * 20; ++i) {
+          const auto at = static_cast<std::size_t>(i);
+          const auto expected = PhotometricCorrection::reference(
+              response, kDeepSize, encoding, scale, i % 40, i / 40,
+              {picture.samples[3 * at], picture.samples[3 * at + 1], picture.samples[3 * at + 2]});
+          for (std::size_t c = 0; c < 3; ++c) {
+            worst = std::max(worst, std::abs(int{expected[c]} - int{levels[4 * at + c]}));
+          }
+          EXPECT_EQ(levels[4 * at + 3], 65535);
+        }
+        // The pass over pixels rounds the square root of light to 16 bits, which is coarse where
+        // the power 1/2.4 of it is steep.
+        EXPECT_LE(worst, space == BlendSpace::kHighRange ? 40 : 12);
+      }
+    }
+  }
+}
+
+TEST(DeepCorrection, CodesOfEightBitsBecomeTheSameLevels) {
+  const schemas::PixelEncoding sixteen{schemas::PixelEncoding::Samples::kInteger,
+                                       16,
+                                       schemas::PixelEncoding::Transfer::kSrgb,
+                                       {},
+                                       1};
+  schemas::TakeDocument take;
+  take.color_space = "srgb_texture";
+  const PhotometricCorrection codes({}, {1, 1}, take, {}), deep({}, {1, 1}, sixteen, {});
+  for (unsigned code = 0; code < 256; ++code) {
+    const auto sample = static_cast<std::uint16_t>(code * 257);
+    std::vector<std::uint16_t> levels(4);
+    deep.convert({1, 1, {sample, sample, sample}}, levels);
+    EXPECT_EQ(levels[0], codes.table().code[0][code]) << code;
+  }
+}
+
 }  // namespace
 }  // namespace raystage::store::photometric_correction_test

@@ -12,10 +12,12 @@
 #include "base/atomic_file.h"
 #include "base/half_float.h"
 #include "images/exr_reader.h"
-#include "schemas/shot_document.h"
+#include "render/renderer.h"
 #include "schemas/views_document.h"
 #include "store/take.h"
-#include "testing/cli/render_command_test_data.h"
+#include "store/timeline.h"
+#include "testing/cli/test_command.h"
+#include "testing/test_folder.h"
 
 namespace raystage::testing {
 namespace {
@@ -29,7 +31,7 @@ class DeepTakeCommand : public ::testing::Test {
  protected:
   void SetUp() override {
     const std::string scene =
-        "simulate static_stage --rows 3 --columns 3 --width 96 --height 72 --seconds 0.2 "
+        "simulate still --rows 3 --columns 3 --width 96 --height 72 --seconds 0.2 "
         "--startup-loss-seconds 0 --drop 0 --noise 0 --truth-views 1 --truth-samples 16 "
         "--edge-samples 16 -q --hdr ";
     CommandResult made = run_raystage(scene + "-o " + quoted("take"));
@@ -40,29 +42,22 @@ class DeepTakeCommand : public ::testing::Test {
   fs::path path(const std::string& name) const { return folder_.path() / name; }
   std::string quoted(const std::string& name) const { return "'" + path(name).string() + "'"; }
 
-  /// Renders the view of the truth and returns its R, G, B.
-  images::ExrChannelData render_view(const std::string& take) const {
+  /// Renders the view of the truth; returns R, G, B.
+  images::ExrChannelData render_view(const std::string& name) const {
     const schemas::ViewsDocument views = schemas::read_views(path("take") / "views.json");
-    const schemas::ViewsDocument::View& view = views.views.at(0);
-    schemas::ShotDocument shot;
-    shot.width = view.geometry.width;
-    shot.height = view.geometry.height;
-    shot.fps = shot.fps_numerator = 15;
-    shot.first_frame = shot.last_frame = 1;
-    schemas::ShotDocument::Layer layer;
-    layer.take = take;
-    layer.method = "depth";
-    shot.layers.push_back(layer);
-    const auto& m = view.geometry.world_from_camera;
-    const double fov = 2 * std::atan(0.5 * view.geometry.width / view.geometry.intrinsics.fx) *
-                       180 / 3.14159265358979;
-    shot.camera.keys.push_back(camera_key(1, {m[3], m[7], m[11]}, fov));
-    schemas::write_shot(shot, path(take + ".shot.json"));
-    const CommandResult rendered =
-        run_raystage("render " + quoted(take + ".shot.json") + " --progress none -o " +
-                     quoted(take + ".####.exr"));
-    EXPECT_EQ(rendered.exit_code, 0) << rendered.output;
-    return read(path(take + ".0001.exr"));
+    const render::VirtualCamera view =
+        render::virtual_camera_from_geometry(views.views.at(0).geometry);
+    const store::Take take(path(name));
+    const render::RenderedView image = render::LightFieldRenderer(take, {}).render(
+        view, store::select_frames(take, views.views.at(0).time_ns, 1'000'000'000),
+        {"depth", {0, 0, 0, 1}});
+    images::ExrChannelData result;
+    result.width = image.width;
+    result.height = image.height;
+    for (std::size_t i = 0; i < image.rgba.size(); ++i) {
+      if (i % 4 != 3) result.values.push_back(image.rgba[i]);
+    }
+    return result;
   }
   static images::ExrChannelData read(const fs::path& file) {
     constexpr images::ExrChannel kChannels[]{{"R"}, {"G"}, {"B"}};
@@ -104,6 +99,13 @@ TEST_F(DeepTakeCommand, HighlightsKeepTheirLightWhereJpegClips) {
     EXPECT_NEAR(found, wanted, 0.03 * wanted);
   }
   for (const auto& [wanted, found] : lost) EXPECT_LE(found, 1.01);
+
+  // The EXR of a command holds them, too.
+  const CommandResult rendered =
+      run_raystage("render " + quoted("take/shot.json") + " --frames 1 --progress none -o " +
+                   quoted("f.####.exr"));
+  ASSERT_EQ(rendered.exit_code, 0) << rendered.output;
+  EXPECT_GT(*std::ranges::max_element(read(path("f.0001.exr")).values), 30);
 }
 
 TEST_F(DeepTakeCommand, InfoVerifyPackAndRepairTreatThem) {

@@ -98,19 +98,19 @@ std::vector<std::byte> PictureCodec::encode(const DeepPicture& picture,
   return stream;
 }
 
-DeepPicture PictureCodec::decode(std::span<const std::byte> codestream, int width, int height,
+DeepPicture PictureCodec::decode(std::span<const std::byte> coded_bytes, int width, int height,
                                  const schemas::PixelEncoding* expected,
                                  const std::filesystem::path& file) const {
   const auto refuse = [&](const std::string& what) {
     return Error::bad_input("the JPEG XL picture cannot be read: " + what, file.string(),
                             kPictureAdvice);
   };
-  if (!is_jpeg_xl_codestream(codestream)) throw refuse("it does not begin as one");
+  if (!is_jpeg_xl_picture(coded_bytes)) throw refuse("it does not begin as one");
   const std::uint64_t pixels = pixel_count(width, height);
   sandbox::ByteWriter request;
   request.write(static_cast<std::uint8_t>(TranscodingRequest::kDecodePicture));
   request.write(pixels);
-  request.append(codestream);
+  request.append(coded_bytes);
   const std::vector<std::byte> result = state_->ask(pixels, request.take(), file);
   CodedPicture coded;
   try {
@@ -134,8 +134,10 @@ DeepPicture PictureCodec::decode(std::span<const std::byte> codestream, int widt
   return std::move(coded.picture);
 }
 
-bool is_jpeg_xl_codestream(std::span<const std::byte> bytes) {
-  return bytes.size() >= 2 && bytes[0] == std::byte{0xFF} && bytes[1] == std::byte{0x0A};
+bool is_jpeg_xl_picture(std::span<const std::byte> bytes) {
+  const bool is_codestream =
+      bytes.size() >= 2 && bytes[0] == std::byte{0xFF} && bytes[1] == std::byte{0x0A};
+  return is_codestream || is_jpeg_xl(bytes);
 }
 
 }  // namespace raystage::store

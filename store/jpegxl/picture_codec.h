@@ -23,18 +23,18 @@ class PictureCodec {
   PictureCodec(PictureCodec&&) noexcept;
   PictureCodec& operator=(PictureCodec&&) noexcept;
 
-  /// Returns the codestream of a picture. A lossless one was decoded again and compared. `file`:
+  /// Returns the JPEG XL file of a picture. A lossless one was decoded again and compared. `file`:
   /// for errors. Throws Error (bad input) if libjxl cannot encode it or it does not return bit for
   /// bit, and Error (failed) if libjxl cannot be run.
   std::vector<std::byte> encode(const DeepPicture& picture, const schemas::PixelEncoding& encoding,
                                 const PictureCompression& compression,
                                 const std::filesystem::path& file) const;
 
-  /// Returns the picture of a codestream, which has the stated size; all half floats are finite.
-  /// `expected`: nullptr, or the encoding whose form and bits the codestream must have. Throws
+  /// Returns the picture of a JPEG XL file, which has the stated size; all half floats are finite.
+  /// `expected`: nullptr, or the encoding whose form and bits the picture must have. Throws
   /// Error (bad input) if libjxl cannot decode it or it is another picture, and Error (failed) if
   /// libjxl cannot be run.
-  DeepPicture decode(std::span<const std::byte> codestream, int width, int height,
+  DeepPicture decode(std::span<const std::byte> coded_bytes, int width, int height,
                      const schemas::PixelEncoding* expected,
                      const std::filesystem::path& file) const;
 
@@ -43,7 +43,7 @@ class PictureCodec {
   std::unique_ptr<State> state_;
 };
 
-/// Returns whether bytes begin as a codestream of JPEG XL does (FF 0A).
-bool is_jpeg_xl_codestream(std::span<const std::byte> bytes);
+/// Returns whether bytes begin as a codestream (FF 0A) or container of JPEG XL does.
+bool is_jpeg_xl_picture(std::span<const std::byte> bytes);
 
 }  // namespace raystage::store

@@ -62,7 +62,7 @@ TEST(PictureCodec, ReturnsEveryBitOfEveryDepth) {
     const DeepPicture picture = deep_picture(encoding);
     for (const int effort : {1, 3, 7}) {
       const auto stream = codec.encode(picture, encoding, {.effort = effort}, "a");
-      EXPECT_TRUE(is_jpeg_xl_codestream(stream));
+      EXPECT_TRUE(is_jpeg_xl_picture(stream));
       EXPECT_EQ(codec.decode(stream, 96, 64, &encoding, "a"), picture)
           << encoding.bits << " " << effort;
     }
@@ -119,7 +119,7 @@ TEST(PictureCodec, RefusesOtherPicturesAndDamage) {
   }
 }
 
-TEST(PictureCodec, MutatedCodestreamsNeverGiveValuesThatAreNotFinite) {
+TEST(PictureCodec, MutatedFilesNeverGiveValuesThatAreNotFinite) {
   const PixelEncoding half;
   const PictureCodec codec;
   const auto stream = codec.encode(deep_picture(half), half, {}, "a");

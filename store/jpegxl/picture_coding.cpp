@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of more than 8 bits as JPEG XL codestreams (ISO/IEC 18181-1), by libjxl. Half floats
+// Pictures of more than 8 bits as JPEG XL files (ISO/IEC 18181), by libjxl. Half floats
 // pass as their bits, integers as 16-bit shares of full scale, which is how libjxl 0.7 exchanges
 // them. One thread.
 #include "store/jpegxl/picture_coding.h"
@@ -126,9 +126,8 @@ std::vector<std::byte> encode_picture(const DeepPicture& picture,
   info.exponent_bits_per_sample = is_half ? kHalfExponentBits : 0;
   info.num_color_channels = kChannels;
   info.uses_original_profile = is_lossless ? JXL_TRUE : JXL_FALSE;
-  // Integers of more than 12 bits need a higher level of the codestream.
+  // Samples of more than 12 bits need a higher level of the codestream, which a container states.
   require_encoded(JxlEncoderSetCodestreamLevel(encoder.get(), 10), "libjxl has no level 10");
-  require_encoded(JxlEncoderUseContainer(encoder.get(), JXL_FALSE), "libjxl writes a container");
   require_encoded(JxlEncoderSetBasicInfo(encoder.get(), &info), "libjxl refuses size or depth");
   const JxlColorEncoding color = color_of(encoding);
   require_encoded(JxlEncoderSetColorEncoding(encoder.get(), &color),
@@ -159,14 +158,14 @@ std::vector<std::byte> encode_picture(const DeepPicture& picture,
   return output_of(encoder.get(), values.size() + 4096);
 }
 
-CodedPicture decode_picture(std::span<const std::byte> codestream, std::uint64_t max_pixels) {
+CodedPicture decode_picture(std::span<const std::byte> file, std::uint64_t max_pixels) {
   const std::unique_ptr<JxlDecoder, DestroyPictureDecoder> decoder(JxlDecoderCreate(nullptr));
   if (!decoder) throw std::bad_alloc();
   constexpr int kEvents = JXL_DEC_BASIC_INFO | JXL_DEC_FULL_IMAGE;
   if (JxlDecoderSubscribeEvents(decoder.get(), kEvents) != JXL_DEC_SUCCESS ||
       JxlDecoderSetKeepOrientation(decoder.get(), JXL_TRUE) != JXL_DEC_SUCCESS ||
-      JxlDecoderSetInput(decoder.get(), reinterpret_cast<const std::uint8_t*>(codestream.data()),
-                         codestream.size()) != JXL_DEC_SUCCESS) {
+      JxlDecoderSetInput(decoder.get(), reinterpret_cast<const std::uint8_t*>(file.data()),
+                         file.size()) != JXL_DEC_SUCCESS) {
     throw std::runtime_error("libjxl does not read it");
   }
   JxlDecoderCloseInput(decoder.get());

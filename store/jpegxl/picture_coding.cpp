@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures of more than 8 bits as JPEG XL files (ISO/IEC 18181), by libjxl. Half floats
-// pass as their bits, integers as 16-bit shares of full scale, which is how libjxl 0.7 exchanges
-// them. One thread.
+// are stored as floats of 17 bits, with a bit more of exponent: libjxl 0.7 loses subnormal numbers,
+// of which half floats have some that are not dark (2^-14 of white), and these then are normal.
+// Integers pass as 16-bit shares of full scale, as libjxl exchanges them. One thread.
 #include "store/jpegxl/picture_coding.h"
 
 #include <jxl/decode.h>
@@ -13,13 +14,15 @@
 #include <stdexcept>
 #include <string>
 
+#include "base/half_float.h"
+
 namespace raystage::store {
 namespace {
 
 using Samples = schemas::PixelEncoding::Samples;
 using Transfer = schemas::PixelEncoding::Transfer;
 
-constexpr std::uint32_t kChannels = 3, kHalfBits = 16, kHalfExponentBits = 5;
+constexpr std::uint32_t kChannels = 3, kFloatBits = 17, kFloatExponentBits = 6;
 constexpr std::uint32_t kFullScale = 65535;
 
 struct DestroyPictureDecoder {
@@ -30,7 +33,7 @@ struct DestroyPictureEncoder {
 };
 
 JxlPixelFormat format_of(Samples samples) {
-  return {kChannels, samples == Samples::kHalf ? JXL_TYPE_FLOAT16 : JXL_TYPE_UINT16,
+  return {kChannels, samples == Samples::kHalf ? JXL_TYPE_FLOAT : JXL_TYPE_UINT16,
           JXL_NATIVE_ENDIAN, 0};
 }
 
@@ -97,12 +100,13 @@ void check_picture(const JxlBasicInfo& info, std::uint64_t max_pixels) {
                              " pixels, which is more than its camera has");
   }
   const bool is_half =
-      info.exponent_bits_per_sample == kHalfExponentBits && info.bits_per_sample == kHalfBits;
+      info.exponent_bits_per_sample == kFloatExponentBits && info.bits_per_sample == kFloatBits;
   const bool is_integer = info.exponent_bits_per_sample == 0 &&
                           info.bits_per_sample >= schemas::PixelEncoding::kMinBits &&
                           info.bits_per_sample <= schemas::PixelEncoding::kMaxBits;
   if (!is_half && !is_integer) {
-    throw std::runtime_error("its samples are neither half floats nor integers of 9 to 16 bits");
+    throw std::runtime_error(
+        "its samples are neither floats of 17 bits nor integers of 9 to 16 bits");
   }
   if (info.num_color_channels != kChannels || info.num_extra_channels != 0) {
     throw std::runtime_error("it has other channels than red, green and blue");
@@ -122,8 +126,8 @@ std::vector<std::byte> encode_picture(const DeepPicture& picture,
   JxlEncoderInitBasicInfo(&info);
   info.xsize = static_cast<std::uint32_t>(picture.width);
   info.ysize = static_cast<std::uint32_t>(picture.height);
-  info.bits_per_sample = static_cast<std::uint32_t>(encoding.bits);
-  info.exponent_bits_per_sample = is_half ? kHalfExponentBits : 0;
+  info.bits_per_sample = is_half ? kFloatBits : static_cast<std::uint32_t>(encoding.bits);
+  info.exponent_bits_per_sample = is_half ? kFloatExponentBits : 0;
   info.num_color_channels = kChannels;
   info.uses_original_profile = is_lossless ? JXL_TRUE : JXL_FALSE;
   // Samples of more than 12 bits need a higher level of the codestream, which a container states.
@@ -144,18 +148,23 @@ std::vector<std::byte> encode_picture(const DeepPicture& picture,
     require_encoded(JxlEncoderSetFrameDistance(settings, static_cast<float>(compression.distance)),
                     "libjxl refuses the distance");
   }
-  std::vector<std::uint16_t> values = picture.samples;
-  if (!is_half) {
-    const auto largest = static_cast<std::uint32_t>(encoding.largest_code());
-    for (std::uint16_t& value : values)
-      value = rescaled(std::min<std::uint32_t>(value, largest), largest, kFullScale);
+  std::vector<std::uint16_t> integers;
+  std::vector<float> floats;
+  const auto largest = static_cast<std::uint32_t>(encoding.largest_code());
+  for (const std::uint16_t sample : picture.samples) {
+    if (is_half) {
+      floats.push_back(float_from_half(sample));
+    } else {
+      integers.push_back(rescaled(std::min<std::uint32_t>(sample, largest), largest, kFullScale));
+    }
   }
+  const std::span<const std::byte> values =
+      is_half ? std::as_bytes(std::span(floats)) : std::as_bytes(std::span(integers));
   const JxlPixelFormat format = format_of(encoding.samples);
-  require_encoded(JxlEncoderAddImageFrame(settings, &format, values.data(),
-                                          values.size() * sizeof(std::uint16_t)),
+  require_encoded(JxlEncoderAddImageFrame(settings, &format, values.data(), values.size()),
                   "libjxl does not accept the picture");
   JxlEncoderCloseInput(encoder.get());
-  return output_of(encoder.get(), values.size() + 4096);
+  return output_of(encoder.get(), picture.samples.size() + 4096);
 }
 
 CodedPicture decode_picture(std::span<const std::byte> file, std::uint64_t max_pixels) {
@@ -171,6 +180,7 @@ CodedPicture decode_picture(std::span<const std::byte> file, std::uint64_t max_p
   JxlDecoderCloseInput(decoder.get());
   CodedPicture result;
   std::vector<std::uint16_t>& samples = result.picture.samples;
+  std::vector<float> floats;
   for (;;) {
     switch (JxlDecoderProcessInput(decoder.get())) {
       case JXL_DEC_BASIC_INFO: {
@@ -181,7 +191,8 @@ CodedPicture decode_picture(std::span<const std::byte> file, std::uint64_t max_p
         result.picture.width = static_cast<int>(info.xsize);
         result.picture.height = static_cast<int>(info.ysize);
         result.samples = info.exponent_bits_per_sample > 0 ? Samples::kHalf : Samples::kInteger;
-        result.bits = static_cast<int>(info.bits_per_sample);
+        result.bits = info.exponent_bits_per_sample > 0 ? schemas::PixelEncoding::kMaxBits
+                                                        : static_cast<int>(info.bits_per_sample);
         break;
       }
       case JXL_DEC_NEED_IMAGE_OUT_BUFFER: {
@@ -189,8 +200,11 @@ CodedPicture decode_picture(std::span<const std::byte> file, std::uint64_t max_p
         samples.resize(std::size_t{kChannels} * static_cast<std::size_t>(result.picture.width) *
                        static_cast<std::size_t>(result.picture.height));
         const JxlPixelFormat format = format_of(result.samples);
-        if (JxlDecoderSetImageOutBuffer(decoder.get(), &format, samples.data(),
-                                        samples.size() * sizeof(std::uint16_t)) !=
+        if (result.samples == Samples::kHalf) floats.resize(samples.size());
+        const std::span<std::byte> values = floats.empty()
+                                                ? std::as_writable_bytes(std::span(samples))
+                                                : std::as_writable_bytes(std::span(floats));
+        if (JxlDecoderSetImageOutBuffer(decoder.get(), &format, values.data(), values.size()) !=
             JXL_DEC_SUCCESS) {
           throw std::runtime_error("libjxl does not decode its pixels");
         }
@@ -198,7 +212,10 @@ CodedPicture decode_picture(std::span<const std::byte> file, std::uint64_t max_p
       }
       case JXL_DEC_FULL_IMAGE: {
         if (samples.empty()) throw std::runtime_error("it has no pixels");
-        if (result.samples == Samples::kHalf) return result;
+        if (result.samples == Samples::kHalf) {
+          std::ranges::transform(floats, samples.begin(), half_from_float);
+          return result;
+        }
         const auto largest = (std::uint32_t{1} << static_cast<unsigned>(result.bits)) - 1;
         for (std::uint16_t& value : samples) value = rescaled(value, kFullScale, largest);
         return result;

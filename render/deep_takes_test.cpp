@@ -134,7 +134,7 @@ std::vector<std::string> method_names() {
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, DeepTakes, ::testing::ValuesIn(method_names()),
-                         [](const auto& info) { return info.param; });
+                         [](const auto& method) { return method.param; });
 
 }  // namespace
 }  // namespace raystage::render

@@ -13,7 +13,7 @@
 // The order of these includes matters.
 // clang-format off
 #include <hwy/highway.h>
-#include "hwy/contrib/math/math-inl.h"
+#include <hwy/contrib/math/math-inl.h>
 #include "render/sampling/roots-inl.h"
 // clang-format on
 

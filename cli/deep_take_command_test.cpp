@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -181,11 +182,15 @@ done
   // "PF\n96 72\n-1.0\n" or alike, then rows from the bottom up, 32-bit floats.
   const std::size_t floats = picture.samples.size();
   ASSERT_GT(pfm.size(), floats * sizeof(float));
-  EXPECT_TRUE(pfm.starts_with("PF\n96 72\n-"));
+  EXPECT_TRUE(pfm.starts_with("PF\n96 72\n"));
+  const bool is_little_endian = pfm.starts_with("PF\n96 72\n-");
   const char* values = pfm.data() + pfm.size() - floats * sizeof(float);
   for (std::size_t i = 0; i < floats; ++i) {
     float value = 0;
-    std::memcpy(&value, values + i * sizeof value, sizeof value);
+    std::array<char, sizeof value> bytes{};
+    std::copy_n(values + i * sizeof value, sizeof value, bytes.begin());
+    if (!is_little_endian) std::ranges::reverse(bytes);
+    std::memcpy(&value, bytes.data(), sizeof value);
     const std::size_t row = 71 - i / (3 * 96);
     EXPECT_EQ(value, float_from_half(picture.samples[row * 3 * 96 + i % (3 * 96)]));
   }

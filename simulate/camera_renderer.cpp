@@ -109,7 +109,7 @@ std::size_t CameraRenderer::sample_centres(const World& world, const PixelRays& 
     const std::size_t at = pixels_[i].index;
     const LightSample& sample = samples_[i];
     image.centre[at] = sample;
-    image.light[at] = sample.light.cwiseMin(1);
+    image.light[at] = sample.light.cwiseMin(world.geometry().scene().max_light);
     is_dynamic_[at] = sample.part != still[i].part ||
                       sample.reflected_part != still[i].reflected_part ||
                       sample.lit == still[i].lamp.isZero(0);
@@ -221,7 +221,7 @@ void CameraRenderer::supersample(const World& world, const PixelRays& rays,
       Vector3f sum = Vector3f::Zero();
       // Clips each sample, not the mean: otherwise the edge of a highlight stays jagged.
       for (std::size_t i = 0; i < per_pixel; ++i) {
-        sum += samples_[p * per_pixel + i].light.cwiseMin(1);
+        sum += samples_[p * per_pixel + i].light.cwiseMin(world.geometry().scene().max_light);
       }
       image.light[group[p].index] = sum / static_cast<float>(samples);
     }
@@ -259,7 +259,7 @@ void CameraRenderer::supersample_static(const World& world, const PixelRays& ray
       Vector3f sum = Vector3f::Zero();
       for (std::size_t i = 0; i < per_pixel; ++i) {
         const StaticSample& sample = *static_[p * per_pixel + i];
-        sum += (sample.unlit + sample.lamp).cwiseMin(1);
+        sum += (sample.unlit + sample.lamp).cwiseMin(world.geometry().scene().max_light);
       }
       cache.supersampled_[group[p].index] = sum / static_cast<float>(samples);
     }

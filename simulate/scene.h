@@ -45,6 +45,7 @@ struct Scene {
   Eigen::Vector3f sky_colour = Eigen::Vector3f(0.34F, 0.37F, 0.44F);
   Eigen::Vector3f ground_colour = Eigen::Vector3f(0.20F, 0.17F, 0.14F);
   Eigen::Vector3f background = Eigen::Vector3f(0.02F, 0.02F, 0.03F);  ///< of rays without a hit
+  float max_light = 1;  ///< at which the light of each sample is clipped
 };
 
 /// A name that make_scene() accepts, and a summary of its scene.

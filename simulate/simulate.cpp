@@ -41,6 +41,7 @@ constexpr Nanoseconds kEpoch = 1'767'225'600 * kNanosecondsPerSecond;
 Scene scene_of(const SimulationOptions& options) {
   Scene scene = make_scene(options.scene);
   if (!options.hdr) return scene;
+  scene.max_light = kLargestHalf;
   for (ScenePart& part : scene.parts) part.material.emission *= SimulationOptions::kHighlights;
   return scene;
 }

@@ -65,10 +65,14 @@ struct FrameRecord {
 
 /// The form of the frames of an archive (Matroska's CodecID).
 enum class FrameCodec : std::uint8_t {
-  kJpeg,    ///< every frame is a JPEG
-  kPacked,  ///< packed frames (store/jpegxl/packed_frame.h), and JPEGs that could not be packed
-  kPicture  ///< JPEG XL pictures of more than 8 bits (schemas::PixelEncoding)
+  kJpeg,     ///< every frame is a JPEG
+  kPacked,   ///< packed frames (store/jpegxl/packed_frame.h), and JPEGs that could not be packed
+  kPicture,  ///< JPEG XL pictures of more than 8 bits (schemas::PixelEncoding)
+  kHevc,     ///< temporal frames (store/temporal/temporal_frame.h), HEVC
+  kAv1       ///< temporal frames, AV1
 };
+/// Returns whether frames are lossy and refer to each other.
+bool is_temporal(FrameCodec codec);
 
 /// Most frames of one append(): the frames are written before their records, so that a crash leaves
 /// at most so many whole frames at the end without a record.
@@ -106,8 +110,8 @@ class ArchiveWriter {
   /// version 1 to version 2. A crash at any moment leaves files that can be read and resumed. Reads
   /// only the frames at the end and those that the journal lacks. Throws Error (bad input) if the
   /// archive is missing, has another camera, image size or epoch than `description`, or has a
-  /// damaged header (`raystage repair`). Throws Error (failed) if it is open for writing elsewhere,
-  /// or the disk fails.
+  /// damaged header (`raystage repair`), or is_temporal(). Throws Error (failed) if it is open for
+  /// writing elsewhere, or the disk fails.
   static ArchiveWriter resume(const std::filesystem::path& archive,
                               const std::filesystem::path& journal, const Description& description);
 
@@ -148,7 +152,8 @@ class ArchiveWriter {
 /// the Matroska file is scanned instead. A file truncated at any byte gives every complete frame.
 /// Const members are thread-safe. Frames are copied from the file, which another process may
 /// truncate meanwhile. Packed frames are unpacked: all members that return a frame return its JPEG,
-/// except stored() and picture().
+/// except stored() and picture(). Of temporal frames that is a JPEG of the decoded picture
+/// (store/temporal/planes.h); one whose group is damaged before it counts as rotten.
 class ArchiveReader {
  public:
   /// Opens an archive and its journal. `buffers`: hold the bytes of frames, shared with other

@@ -10,6 +10,7 @@
 #include <atomic>
 #include <cassert>
 #include <iterator>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -24,8 +25,14 @@
 #include "store/jpegxl/packed_frame.h"
 #include "store/jpegxl/picture_codec.h"
 #include "store/pixel_light.h"
+#include "store/temporal/group_decoder.h"
+#include "store/temporal/temporal_frame.h"
 
 namespace raystage::store {
+
+bool is_temporal(FrameCodec codec) {
+  return codec == FrameCodec::kHevc || codec == FrameCodec::kAv1;
+}
 
 struct ArchiveReader::State {
   enum class Integrity : std::uint8_t { kUnchecked, kIntact, kRotten };
@@ -79,10 +86,53 @@ struct ArchiveReader::State {
                             "Check the disk and run `raystage verify` on the take");
   }
 
+  /// Returns the frames of a group from its first to a frame and, if `is_whole`, on to the last
+  /// that is intact; none if one up to the frame is not, or was lost.
+  std::vector<FrameBytes> read_group(int frame, std::uint32_t position, bool is_whole) const {
+    std::vector<FrameBytes> frames;
+    if (std::int64_t{position} > frame) return {};
+    for (int i = frame - static_cast<int>(position); i < static_cast<int>(index.frames.size());
+         ++i) {
+      if (i > frame && (!is_whole || frames.size() == kMaxGroupFrames)) break;
+      const std::optional<FrameBytes> bytes = read_intact(i);
+      const auto link = bytes ? read_frame_link(*bytes) : std::nullopt;
+      const bool follows = link && link->position == frames.size() &&
+                           (frames.empty() || link->previous == hash_of_stored(frames.back()));
+      if (!follows && i <= frame) return {};
+      if (!follows) break;
+      frames.push_back(*bytes);
+    }
+    return frames;
+  }
+
+  /// Returns the picture of a temporal frame as a JPEG, and keeps those of its group; none if the
+  /// group is damaged up to it.
+  std::optional<FrameBytes> decode_temporal(int frame, std::uint32_t position) const {
+    // Threads that want frames of one group wait for the first.
+    const std::scoped_lock lock(*decoding);
+    if (auto known = unpacked->find({number, frame})) return known;
+    const std::vector<FrameBytes> group = read_group(frame, position, true);
+    if (group.empty()) return std::nullopt;
+    const std::vector<std::span<const std::byte>> frames(group.begin(), group.end());
+    const ArchiveWriter::Description& camera = index.description;
+    auto jpegs = unpacked->groups().decode(
+        camera.codec == FrameCodec::kHevc ? VideoCodec::kHevc : VideoCodec::kAv1,
+        {camera.width, camera.height}, frames, path);
+    std::optional<FrameBytes> wanted;
+    // The frames that a shot shows next are evicted last.
+    for (std::size_t i = jpegs.size(); i-- > 0;) {
+      const FrameBytes jpeg(std::make_shared<const std::vector<std::byte>>(std::move(jpegs[i])));
+      if (i == position) wanted = jpeg;
+      unpacked->insert({number, frame - static_cast<int>(position) + static_cast<int>(i)}, jpeg);
+    }
+    return wanted;
+  }
+
   /// Returns the JPEG of a frame; none if its bytes are not the recorded ones or cannot be
   /// unpacked.
   std::optional<FrameBytes> read_intact_jpeg(int frame) const {
     if (has_pictures()) return read_jpeg_of_picture(frame);
+    if (is_temporal(index.description.codec)) return read_temporal(frame);
     if (!may_have_packed_frames()) return read_intact(frame);
     if (auto known = unpacked->find({number, frame})) return known;
     const std::optional<FrameBytes> stored = read_intact(frame);
@@ -116,6 +166,20 @@ struct ArchiveReader::State {
     }
   }
 
+  std::optional<FrameBytes> read_temporal(int frame) const {
+    if (auto known = unpacked->find({number, frame})) return known;
+    const std::optional<FrameBytes> stored = read_intact(frame);
+    const auto link = stored ? read_frame_link(*stored) : std::nullopt;
+    if (!link) return stored;
+    try {
+      return decode_temporal(frame, link->position);
+    } catch (const Error& error) {
+      if (error.exit_code() != ExitCode::kBadInput) throw;
+      integrity[frame] = Integrity::kRotten;
+      return std::nullopt;
+    }
+  }
+
   /// Returns a JPEG to look at.
   std::optional<FrameBytes> read_jpeg_of_picture(int frame) const {
     if (auto known = unpacked->find({number, frame})) return known;
@@ -131,6 +195,15 @@ struct ArchiveReader::State {
         encode_jpeg(codes_from_picture(*picture, *encoding), {})));
     unpacked->insert({number, frame}, jpeg);
     return jpeg;
+  }
+
+  /// Returns whether the bytes of a frame, and of those that it refers to, are not the recorded
+  /// ones.
+  bool is_rotten(int frame) const {
+    const std::optional<FrameBytes> stored = read_intact(frame);
+    if (!stored || !is_temporal(index.description.codec)) return !stored;
+    const auto link = read_frame_link(*stored);
+    return link && read_group(frame, link->position, false).empty();
   }
 
   /// Returns the stored bytes of a frame; none if they are not the recorded ones.
@@ -154,7 +227,8 @@ struct ArchiveReader::State {
   std::shared_ptr<const RemoteFrames> remote;
   std::optional<schemas::PixelEncoding> encoding;
   ArchiveIndex index;
-  std::unique_ptr<std::atomic<Integrity>[]> integrity;  // of each frame
+  std::unique_ptr<std::atomic<Integrity>[]> integrity;                    // of each frame
+  std::unique_ptr<std::mutex> decoding = std::make_unique<std::mutex>();  // of one group at a time
 };
 
 namespace {
@@ -300,8 +374,10 @@ void ArchiveReader::read_ahead(int frame) const {
 }
 
 bool ArchiveReader::is_rotten(int frame) const {
-  if (!state_->remote && state_->integrity[frame] == State::Integrity::kIntact) return false;
-  return !(state_->remote ? intact_jpeg(frame) : state_->read_intact(frame)).has_value();
+  if (state_->remote) return !intact_jpeg(frame).has_value();
+  const bool is_known = state_->integrity[frame] == State::Integrity::kIntact &&
+                        !is_temporal(state_->index.description.codec);
+  return !is_known && state_->is_rotten(frame);
 }
 
 bool ArchiveReader::verify_frame(int frame) const {

@@ -127,6 +127,10 @@ ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
   }
   auto files = std::make_unique<Files>(Files::Existing{}, archive, description);
   const matroska::Header& header = files->header;
+  if (is_temporal(header.codec)) {
+    throw Error::bad_input("the archive holds HEVC or AV1, to which no JPEG can be added",
+                           archive.string(), "Begin a new recording");
+  }
   Found found = examine_files(archive, journal, description, header);
   files->archive_end = header.bytes.size();
   for (const FrameRecord& frame : found.index.frames) {

@@ -17,6 +17,7 @@
 
 #include "base/error.h"
 #include "store/journal.h"
+#include "store/temporal/temporal_frame.h"
 
 namespace raystage::store {
 namespace {
@@ -111,7 +112,8 @@ void ArchiveWriter::Files::append(std::span<const NewFrame> frames) {
       record.size = static_cast<std::uint32_t>(frame.jpeg.size());
       record.xxh3 = XXH3_64bits(frame.jpeg.data(), frame.jpeg.size());
       record.is_unverified = frame.is_unverified;
-      heads[i] = matroska::make_cluster_header(frame.time_ns, frame.jpeg.size());
+      heads[i] =
+          matroska::make_cluster_header(frame.time_ns, frame.jpeg.size(), is_key_frame(frame.jpeg));
       parts.insert(parts.end(), {heads[i], frame.jpeg});
       points.push_back({frame.time_ns, end});
       end = record.offset + record.size;

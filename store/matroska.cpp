@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "store/ebml.h"
+#include "store/temporal/temporal_frame.h"
 
 // Element identifiers: RFC 9559 (Matroska), section 5.
 namespace raystage::store::matroska {
@@ -47,20 +48,23 @@ constexpr std::array kClusterIdBytes{std::byte{0x1F}, std::byte{0x43}, std::byte
 constexpr std::array kEbmlIdBytes{std::byte{0x1A}, std::byte{0x45}, std::byte{0xDF},
                                   std::byte{0xA3}};
 
-// Of the track. Matroska has no identifier for JPEG XL; FFmpeg 5 has none either.
-constexpr std::string_view kJpegCodec = "V_MJPEG", kPackedCodec = "V_JPEGXL",
-                           kPictureCodec = "V_JPEGXL/PICTURE";
+/// Of the track. Matroska has no identifier for JPEG XL; FFmpeg 5 has none either.
+struct CodecName {
+  FrameCodec codec;
+  std::string_view name;
+};
+constexpr std::array kCodecs{
+    CodecName{FrameCodec::kJpeg, "V_MJPEG"}, CodecName{FrameCodec::kPacked, "V_JPEGXL"},
+    CodecName{FrameCodec::kPicture, "V_JPEGXL/PICTURE"},
+    CodecName{FrameCodec::kHevc, "V_MPEGH/ISO/HEVC"}, CodecName{FrameCodec::kAv1, "V_AV1"}};
 
-std::string_view codec_id(FrameCodec codec) {
-  switch (codec) {
-    case FrameCodec::kJpeg:
-      return kJpegCodec;
-    case FrameCodec::kPacked:
-      return kPackedCodec;
-    case FrameCodec::kPicture:
-      return kPictureCodec;
-  }
-  return kJpegCodec;
+std::string_view name_of(FrameCodec codec) {
+  return std::ranges::find(kCodecs, codec, &CodecName::codec)->name;
+}
+
+FrameCodec codec_named(std::string_view name) {
+  const auto* const found = std::ranges::find(kCodecs, name, &CodecName::name);
+  return found == kCodecs.end() ? FrameCodec::kJpeg : found->codec;
 }
 
 // 2001-01-01T00:00:00Z, the epoch of Matroska dates, in nanoseconds since 1970.
@@ -75,11 +79,7 @@ int pixels(Bytes file, const Element& element) {
 void read_track(Bytes file, const Element& track, ArchiveWriter::Description& description) {
   ebml::for_each_child(file, track, [&](const Element& child) {
     if (child.id == kTrackName) description.camera_id = ebml::read_string(file, child);
-    if (child.id == kCodecId) {
-      for (const FrameCodec codec : {FrameCodec::kPacked, FrameCodec::kPicture}) {
-        if (ebml::read_string(file, child) == codec_id(codec)) description.codec = codec;
-      }
-    }
+    if (child.id == kCodecId) description.codec = codec_named(ebml::read_string(file, child));
     if (child.id != kVideo) return;
     ebml::for_each_child(file, child, [&](const Element& leaf) {
       if (leaf.id == kPixelWidth) description.width = pixels(file, leaf);
@@ -169,7 +169,7 @@ Header make_header(const ArchiveWriter::Description& description, HeaderForm for
   track.put_uint(kFlagLacing, 0);
   track.put_string(kLanguage, "und");
   track.put_string(kTrackName, description.camera_id);
-  track.put_string(kCodecId, std::string(codec_id(description.codec)));
+  track.put_string(kCodecId, std::string(name_of(description.codec)));
   const std::size_t rate_in_track = track.size();
   if (form == HeaderForm::kWithRate) track.put_void(kRateBytes);
   track.put_master(kVideo, video);
@@ -233,17 +233,17 @@ Header header_of_file(Bytes file, const ArchiveWriter::Description& description)
     if (differing_bytes(file, header) < differing_bytes(file, nearest)) nearest = std::move(header);
   };
   consider(description, HeaderForm::kWithoutRate);
-  for (const FrameCodec codec : {FrameCodec::kJpeg, FrameCodec::kPacked, FrameCodec::kPicture}) {
-    if (codec == description.codec) continue;
+  for (const CodecName& codec : kCodecs) {
     ArchiveWriter::Description other = description;
-    other.codec = codec;
+    other.codec = codec.codec;
     consider(other, HeaderForm::kWithRate);
     consider(other, HeaderForm::kWithoutRate);
   }
   return nearest;
 }
 
-std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size) {
+std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size,
+                                                               bool is_key) {
   ebml::Writer writer;
   constexpr std::size_t kClusterOwnHeader = 4 + ebml::kSizeBytes;
   writer.put_id(kCluster);
@@ -251,9 +251,9 @@ std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time,
   writer.put_uint(kTimestamp, static_cast<std::uint64_t>(time));
   writer.put_id(kSimpleBlock);
   writer.put_size(kBlockHeaderBytes + size);
-  writer.put_big_endian(0x81, 1);  // track 1
-  writer.put_big_endian(0, 2);     // time relative to the cluster
-  writer.put_big_endian(0x80, 1);  // key frame, no lacing
+  writer.put_big_endian(0x81, 1);               // track 1
+  writer.put_big_endian(0, 2);                  // time relative to the cluster
+  writer.put_big_endian(is_key ? 0x80 : 0, 1);  // no lacing
   assert(writer.size() == kClusterHeaderBytes);
   std::array<std::byte, kClusterHeaderBytes> bytes{};
   std::ranges::copy(writer.bytes(), bytes.begin());
@@ -383,8 +383,10 @@ Preamble read_preamble(Bytes file, std::string_view name) {
 std::optional<FoundFrame> parse_cluster(Bytes file, std::size_t offset) {
   std::size_t end = 0;
   const auto frame = read_cluster(file, offset, end);
-  if (!frame || !std::ranges::equal(make_cluster_header(frame->time, frame->size),
-                                    file.subspan(offset, frame->offset - offset))) {
+  if (!frame) return std::nullopt;
+  const bool is_key = is_key_frame(file.subspan(frame->offset, frame->size));
+  if (!std::ranges::equal(make_cluster_header(frame->time, frame->size, is_key),
+                          file.subspan(offset, frame->offset - offset))) {
     return std::nullopt;
   }
   return frame;

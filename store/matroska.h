@@ -53,8 +53,10 @@ Header header_of_file(std::span<const std::byte> file,
 /// file truncated within its header may.
 bool begins_with(std::span<const std::byte> file, const Header& header);
 
-/// Returns the bytes before a JPEG of `size` bytes: Cluster, Timestamp, SimpleBlock.
-std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size);
+/// Returns the bytes before a frame of `size` bytes: Cluster, Timestamp, SimpleBlock. `is_key`: as
+/// is_key_frame() says (store/temporal/temporal_frame.h).
+std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size,
+                                                               bool is_key = true);
 
 struct CuePoint {
   Nanoseconds time = 0;

@@ -3,12 +3,14 @@
 
 #include "store/jpegxl/frame_packer.h"
 #include "store/jpegxl/picture_codec.h"
+#include "store/temporal/group_decoder.h"
 
 namespace raystage::store {
 
 UnpackedFrames::UnpackedFrames(std::size_t budget_bytes)
     : packer_(std::make_unique<const FramePacker>()),
       pictures_(std::make_unique<const PictureCodec>()),
+      groups_(std::make_unique<const GroupDecoder>()),
       budget_(budget_bytes) {}
 UnpackedFrames::~UnpackedFrames() = default;
 

@@ -16,6 +16,7 @@ namespace raystage::store {
 
 class FramePacker;
 class PictureCodec;
+class GroupDecoder;
 
 /// The JPEGs of packed frames that were unpacked, within a memory budget; the least recently used
 /// are evicted first. Unpacking takes far longer than reading, and views of one instant need the
@@ -31,6 +32,8 @@ class UnpackedFrames {
   const FramePacker& packer() const { return *packer_; }
   /// Decodes pictures of more than 8 bits, likewise.
   const PictureCodec& pictures() const { return *pictures_; }
+  /// Decodes the temporal frames of all archives, likewise.
+  const GroupDecoder& groups() const { return *groups_; }
 
   /// Names an archive and a frame in it.
   using Key = std::pair<std::uint64_t, int>;
@@ -55,6 +58,7 @@ class UnpackedFrames {
 
   const std::unique_ptr<const FramePacker> packer_;
   const std::unique_ptr<const PictureCodec> pictures_;
+  const std::unique_ptr<const GroupDecoder> groups_;
   mutable std::mutex mutex_;
   std::map<Key, Entry> entries_;
   std::list<Key> by_use_;  // the latest first

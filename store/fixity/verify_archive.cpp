@@ -20,6 +20,8 @@
 #include "store/jpegxl/packed_frame.h"
 #include "store/jpegxl/picture_codec.h"
 #include "store/matroska.h"
+#include "store/temporal/group_decoder.h"
+#include "store/temporal/temporal_frame.h"
 
 namespace raystage::store {
 namespace {
@@ -111,6 +113,7 @@ class Verifier {
   void check_frame(const FrameRecord& record);
   std::optional<std::uint64_t> xxh3_of(Bytes jpeg) const;
   void check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected);
+  std::vector<std::byte> decode_temporal(const FrameRecord& record, std::uint32_t position);
   void check_end();
   void check_header(const matroska::Trailer& closing);
   void take_frame(Nanoseconds time, std::size_t cluster, std::size_t end);
@@ -133,6 +136,9 @@ class Verifier {
   std::uint64_t cut_end_ = 0;
   std::size_t torn_journal_bytes_ = 0;
   JpegDecoder decoder_;
+  GroupDecoder groups_;
+  std::vector<std::vector<std::byte>> group_;  // pictures of the last group, until each was checked
+  std::optional<FrameRecord> skipped_start_;   // of the group in which an earlier run ended
   FramePacker packer_;
   PictureCodec pictures_;
   ArchiveFixityReport report_;
@@ -299,20 +305,28 @@ void Verifier::check_gap(std::size_t end) {
 void Verifier::check_frame(const FrameRecord& record) {
   const auto offset = static_cast<std::size_t>(record.offset);
   const AffectedFrame affected{report_.frames, record.time_ns};
-  const auto expected = matroska::make_cluster_header(record.time_ns, record.size);
-  const Bytes found = archive_.subspan(offset - expected.size(), expected.size());
+  const Bytes found =
+      archive_.subspan(offset - matroska::kClusterHeaderBytes, matroska::kClusterHeaderBytes);
   const Bytes jpeg = archive_.subspan(offset, record.size);
   const bool deep = options_.depth == VerifyDepth::kHashes || options_.decode;
+  const bool may_refer =
+      is_temporal(header_.codec);  // its beginning says whether it is a key frame
+  const std::size_t start = may_refer ? std::min(kFrameLinkBytes, jpeg.size()) : 0;
   if (report_.frames < options_.checked_frames && report_.problems.empty()) {
+    if (options_.decode && may_refer && can_read(jpeg.first(start)) && is_key_frame(jpeg)) {
+      skipped_start_ = record;
+    }
     if (deep) advance(jpeg.size());
     return;
   }
   const auto hash = deep ? xxh3_of(jpeg) : std::nullopt;
   if (options_.stop.stop_requested()) return;
-  if (!can_read(found) || (deep && !hash)) {
+  if (!can_read({found.data(), found.size() + start}) || (deep && !hash)) {
     add(pair_.archive_name, offset, "the disk cannot read the frame", {affected});
     return;
   }
+  const auto expected =
+      matroska::make_cluster_header(record.time_ns, record.size, !may_refer || is_key_frame(jpeg));
   if (!std::ranges::equal(found, expected)) {
     add(pair_.archive_name, offset - expected.size() + first_difference(found, expected),
         "the Matroska header of a frame is damaged; other programs may lose the frame or its time",
@@ -328,6 +342,41 @@ void Verifier::check_frame(const FrameRecord& record) {
   if (deep) advance(jpeg.size());
 }
 
+// Returns the picture of a temporal frame as a JPEG. Decodes a group with its first frame.
+std::vector<std::byte> Verifier::decode_temporal(const FrameRecord& record,
+                                                 std::uint32_t position) {
+  const auto refuse = [&](const char* what) {
+    return Error::bad_input(what, pair_.archive_name, "Run `raystage repair` with a copy");
+  };
+  // Where an earlier run ended within a group, the frames before are decoded again.
+  if (position == 0 || skipped_start_) {
+    const FrameRecord first = position == 0 ? record : *skipped_start_;
+    skipped_start_.reset();
+    group_.clear();
+    const auto start = static_cast<std::size_t>(first.offset);
+    std::vector<Bytes> frames{archive_.subspan(start, first.size)};
+    for (std::size_t end = start + first.size; frames.size() < kMaxGroupFrames;) {
+      const auto next = matroska::parse_cluster(archive_, end);
+      if (!next) break;
+      const Bytes bytes = archive_.subspan(next->offset, next->size);
+      const auto link = read_frame_link(bytes);
+      if (!link || link->position != frames.size() ||
+          link->previous != hash_of_stored(frames.back())) {
+        break;
+      }
+      frames.push_back(bytes);
+      end = next->offset + next->size;
+    }
+    group_ = groups_.decode(
+        header_.codec == FrameCodec::kHevc ? VideoCodec::kHevc : VideoCodec::kAv1,
+        {pair_.description.width, pair_.description.height}, frames, pair_.archive_name);
+  }
+  if (position >= group_.size() || group_[position].empty()) {
+    throw refuse("a frame of its group before it is damaged or lost");
+  }
+  return std::exchange(group_[position], {});
+}
+
 void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected) {
   try {
     if (header_.codec == FrameCodec::kPicture) {
@@ -340,6 +389,10 @@ void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const Affect
     if (header_.codec == FrameCodec::kPacked && is_jpeg_xl(jpeg)) {
       const FramePacker::Size size{pair_.description.width, pair_.description.height};
       unpacked = packer_.unpack(jpeg, size, pair_.archive_name);
+      jpeg = unpacked;
+    }
+    if (is_temporal(header_.codec) && read_frame_link(jpeg)) {
+      unpacked = decode_temporal(record, read_frame_link(jpeg)->position);
       jpeg = unpacked;
     }
     const RgbImage image = decoder_.decode(jpeg, pair_.archive_name);

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// Encodes pictures by libx265 and libsvtav1. Both in one thread: cameras are encoded in parallel.
+// HEVC without B frames, whose packets would not be in the order of their times; an AV1 packet
+// has exactly one shown picture in any case.
+#include "store/temporal/video_encoder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <utility>
+
+#include "base/error.h"
+#include "store/temporal/ffmpeg_codec.h"
+
+namespace raystage::store {
+
+struct VideoEncoder::State {
+  VideoSettings settings;
+  ffmpeg::Owned<AVCodecContext> context;
+  ffmpeg::Owned<AVPacket> packet = ffmpeg::owned(av_packet_alloc());
+  std::int64_t pushed = 0;
+  std::vector<VideoPacket> packets;
+
+  void check(int code, const char* what) const {
+    if (code >= 0) return;
+    throw Error::failed(fmt::format("the {} encoder {}: {}", name_of(settings.codec), what,
+                                    ffmpeg::error_text(code)),
+                        "", "Try another rate factor, or the other codec");
+  }
+  void set(const char* name, const std::string& value) const {
+    check(av_opt_set(context->priv_data, name, value.c_str(), 0), "refuses a setting");
+  }
+  void receive() {
+    for (;;) {
+      const int code = avcodec_receive_packet(context.get(), packet.get());
+      if (code == AVERROR(EAGAIN) || code == AVERROR_EOF) return;
+      check(code, "failed");
+      if (packet->pts != static_cast<std::int64_t>(packets.size())) {
+        throw Error::failed("the encoder returned pictures in another order", "",
+                            "Use the other codec");
+      }
+      const auto* const bytes = reinterpret_cast<const std::byte*>(packet->data);
+      packets.push_back({(packet->flags & AV_PKT_FLAG_KEY) != 0, {bytes, bytes + packet->size}});
+      av_packet_unref(packet.get());
+    }
+  }
+};
+
+double max_crf(VideoCodec codec) { return codec == VideoCodec::kHevc ? 51 : 63; }
+
+VideoEncoder::VideoEncoder(int width, int height, const VideoSettings& settings)
+    : state_(std::make_unique<State>()) {
+  state_->settings = settings;
+  const bool is_hevc = settings.codec == VideoCodec::kHevc;
+  const char* const name = is_hevc ? "libx265" : "libsvtav1";
+  const AVCodec* const encoder = avcodec_find_encoder_by_name(name);
+  if (encoder == nullptr) {
+    throw Error::failed(fmt::format("FFmpeg has no encoder {}", name), "",
+                        "Install FFmpeg as scripts/install_packages.sh does");
+  }
+  state_->context = ffmpeg::owned(avcodec_alloc_context3(encoder));
+  AVCodecContext& context = *state_->context;
+  context.width = width;
+  context.height = height;
+  context.pix_fmt = AV_PIX_FMT_YUV420P;
+  context.time_base = {1, 30};  // counts pictures; the archive has the times
+  context.framerate = {30, 1};
+  context.gop_size = settings.group_frames;
+  context.thread_count = 1;
+  context.color_range = AVCOL_RANGE_JPEG;
+  context.colorspace = AVCOL_SPC_SMPTE170M;  // JFIF: BT.601
+  context.color_primaries = AVCOL_PRI_BT709;
+  context.color_trc = AVCOL_TRC_IEC61966_2_1;
+  if (is_hevc) {
+    context.max_b_frames = 0;
+    state_->set("preset", "fast");
+    state_->set("crf", fmt::format("{}", settings.crf));
+    state_->set("x265-params",
+                fmt::format("log-level=none:info=0:bframes=0:keyint={0}:min-keyint={0}:scenecut=0:"
+                            "open-gop=0:repeat-headers=1:pools=none:frame-threads=1",
+                            settings.group_frames));
+  } else {
+    state_->set("preset", "6");
+    state_->set("crf", fmt::format("{:.0f}", settings.crf));
+    state_->set("svtav1-params", "lp=1");
+  }
+  state_->check(avcodec_open2(&context, encoder, nullptr), "does not start");
+}
+
+VideoEncoder::~VideoEncoder() = default;
+
+void VideoEncoder::push(const Planes& planes) {
+  const AVCodecContext& context = *state_->context;
+  const auto frame = ffmpeg::owned(av_frame_alloc());
+  AVFrame& picture = *frame;
+  picture.format = context.pix_fmt;
+  picture.width = context.width;
+  picture.height = context.height;
+  picture.color_range = context.color_range;
+  state_->check(av_frame_get_buffer(&picture, 0), "has no memory");
+  for (std::size_t c = 0; c < 3; ++c) {
+    const int divisor = c == 0 ? 1 : 2;
+    const auto columns = static_cast<std::size_t>(planes.width / divisor);
+    for (int y = 0; y < planes.height / divisor; ++y) {
+      std::memcpy(picture.data[c] + std::ptrdiff_t{y} * picture.linesize[c],
+                  planes.plane[c].data() + static_cast<std::size_t>(y) * columns, columns);
+    }
+  }
+  picture.pts = state_->pushed++;
+  state_->check(avcodec_send_frame(state_->context.get(), &picture), "refuses a picture");
+  state_->receive();
+}
+
+std::vector<VideoPacket> VideoEncoder::finish() {
+  state_->check(avcodec_send_frame(state_->context.get(), nullptr), "does not finish");
+  state_->receive();
+  if (static_cast<std::int64_t>(state_->packets.size()) != state_->pushed ||
+      (state_->pushed > 0 && !state_->packets.front().is_key)) {
+    throw Error::failed("the encoder did not return every picture", "", "Use the other codec");
+  }
+  return std::move(state_->packets);
+}
+
+void silence_encoders() {
+  av_log_set_level(AV_LOG_QUIET);
+  setenv("SVT_LOG", "1", 0);  // errors only
+}
+
+}  // namespace raystage::store

@@ -346,6 +346,17 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
         "  packed frames are unpacked whole when they are read; `raystage unpack` returns the JPEG "
         "files\n");
   }
+  const auto is_video = [](const Camera& c) { return !c.video.empty(); };
+  if (const long lossy = count_of(summary, is_video); lossy > 0) {
+    const Camera& first = *std::ranges::find_if(summary.cameras, is_video);
+    line("Packed",
+         fmt::format("{}{}, lossy: frames are decoded by groups when they are read, and "
+                     "passed on as JPEG",
+                     first.video,
+                     lossy == static_cast<long>(summary.cameras.size())
+                         ? ""
+                         : fmt::format(" in {} of {} cameras", lossy, summary.cameras.size())));
+  }
   if (document.depth_range) {
     const schemas::DepthRange range = *document.depth_range;
     line("Depth", std::isfinite(range.far)
@@ -387,6 +398,7 @@ Json json_of(const Camera& camera) {
             {"closed", camera.closed},
             {"packed", camera.packed},
             {"packed_frames", camera.packed_frames},
+            {"video", camera.video.empty() ? Json() : Json(camera.video)},
             {"bytes", camera.bytes},
             {"recovered_frames", camera.recovered},
             {"damaged_records", camera.damaged_records},

@@ -13,6 +13,7 @@
 #include "schemas/rig_document.h"
 #include "store/jpeg/layout.h"
 #include "store/recordings.h"
+#include "store/temporal/temporal_frame.h"
 #include "store/tick_phase.h"
 
 namespace raystage::store {
@@ -49,7 +50,12 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
     for (int frame = 0; result.packed && frame < result.frames; ++frame) {
       result.packed_frames += archive.is_packed(frame) ? 1 : 0;
     }
-    if (!result.pixels) result.restart_markers = restart_markers_of(archive, result.id);
+    if (is_temporal(archive.description().codec)) {
+      result.video = name_of(archive.description().codec == FrameCodec::kHevc ? VideoCodec::kHevc
+                                                                              : VideoCodec::kAv1);
+    } else if (!result.pixels) {
+      result.restart_markers = restart_markers_of(archive, result.id);
+    }
   } catch (const Error& error) {
     result.error = error.what();
   }

@@ -27,6 +27,7 @@ struct TakeSummary {
     bool closed = false;
     std::uint64_t bytes = 0;  ///< of the archive
     bool packed = false;      ///< see FrameCodec
+    std::string video;        ///< codec of temporal frames, empty if they are not
     int packed_frames = 0;    ///< of `frames`; the others are stored as JPEG
     /// Of pictures of more than 8 bits; nullopt: frames are JPEG.
     std::optional<schemas::PixelEncoding> pixels = {};

@@ -19,6 +19,7 @@
 #include "store/fixity/manifest.h"
 #include "store/jpegxl/frame_packer.h"
 #include "store/packing/copy_files.h"
+#include "store/packing/whole_archives.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
@@ -34,23 +35,11 @@ struct Job {
   int frame = -1;
 };
 
-/// Throws Error (bad input) unless the archive holds exactly what its journal lists.
-void require_whole(const ArchiveReader& archive, const std::string& id, const fs::path& folder) {
-  const auto refuse = [&](const std::string& what) {
-    return Error::bad_input("the archive of camera \"" + id + "\" " + what, folder.string(),
-                            "Run `raystage repair` on the take first");
-  };
-  if (!archive.was_closed()) throw refuse("is not closed");
-  if (archive.recovered_frames() > 0 || archive.damaged_records() > 0) {
-    throw refuse("and its journal do not agree");
-  }
-}
-
 std::vector<Job> jobs_of(const Take& take) {
   std::vector<Job> jobs;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     const ArchiveReader& archive = take.archive(camera);
-    require_whole(archive, take.document().cameras[camera].id, take.folder());
+    require_whole_archive(archive, take.document().cameras[camera].id, take.folder());
     int frame = 0;
     for (const FrameRecord& record : archive.records()) {
       const bool is_stored = record.status == FrameStatus::kStored;
@@ -222,12 +211,25 @@ PackReport::Camera PackReport::total() const {
 }
 
 PackReport pack_take(const Take& take, const fs::path& folder, const PackOptions& options) {
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    if (is_temporal(take.archive(camera).description().codec)) {
+      throw Error::bad_input("the frames of the take are HEVC or AV1, not JPEG",
+                             take.folder().string(), "Pack the take that they were made from");
+    }
+  }
   return repack(take, folder, FrameCodec::kPacked, options);
 }
 
 PackReport unpack_take(const Take& take, const fs::path& folder, const PackOptions& options) {
   bool is_packed = false;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
+    if (is_temporal(take.archive(camera).description().codec)) {
+      throw Error::bad_input(
+          "the frames of the take are HEVC or AV1: the JPEGs that they were made "
+          "from are not in it",
+          take.folder().string(),
+          "Use the take as it is; `raystage export images` writes its pictures");
+    }
     is_packed = is_packed || take.archive(camera).description().codec == FrameCodec::kPacked;
   }
   if (!is_packed) {

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage pack --temporal: encodes the frames of a take as video.
+#include "cli/pack_temporal.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+#include "cli/printing.h"
+#include "cli/threads.h"
+#include "cli/view_loss.h"
+#include "store/packing/pack_temporal.h"
+
+namespace raystage::cli {
+namespace {
+
+using Camera = store::TemporalReport::Camera;
+constexpr int kDefaultGroup = 12;
+constexpr int kHevcCrf = 24, kAv1Crf = 32;
+constexpr double kMegabyte = 1e6;
+
+struct MeasuredLoss {
+  double target_db = 0, loss_db = 0, reference_db = 0;
+  std::size_t views = 0;
+  std::string truth;
+};
+
+double ratio(const Camera& camera) {
+  return static_cast<double>(camera.bytes_before) /
+         static_cast<double>(std::max<std::uint64_t>(camera.bytes_after, 1));
+}
+
+store::VideoSettings settings_of(const TemporalCommandOptions& options) {
+  store::VideoSettings video;
+  video.codec = options.codec == "hevc" ? store::VideoCodec::kHevc : store::VideoCodec::kAv1;
+  video.group_frames =
+      options.references == References::kNone ? 1 : options.group.value_or(kDefaultGroup);
+  video.crf = options.crf.value_or(video.codec == store::VideoCodec::kHevc ? kHevcCrf : kAv1Crf);
+  return video;
+}
+
+void check_options(const TemporalCommandOptions& options, const store::VideoSettings& video) {
+  if (options.crf && *options.crf > store::max_crf(video.codec)) {
+    throw Error::bad_input(fmt::format("the rate factor {} is too large for {}", *options.crf,
+                                       store::name_of(video.codec)),
+                           "", fmt::format("Use at most {}", store::max_crf(video.codec)));
+  }
+}
+
+/// Searches the rate factor. A line per trial goes to stderr.
+MeasuredLoss search(const store::Take& take, const std::string& output,
+                    const TemporalCommandOptions& options, bool quiet, store::VideoSettings& video,
+                    const std::stop_token& stop) {
+  const std::filesystem::path target = std::filesystem::absolute(output).lexically_normal();
+  const std::filesystem::path folder =
+      (target.has_filename() ? target : target.parent_path()).parent_path() /
+      fmt::format(".{}.{}.trials.tmp", target.filename().string(), getpid());
+  const ViewLoss loss(take, folder, {options.method, options.views, video.group_frames}, stop);
+  MeasuredLoss measured{*options.target_db, 0, loss.reference_db(), loss.view_count(),
+                        loss.truth()};
+  std::map<double, double> tried;
+  const auto loss_of = [&](double crf) {
+    video.crf = crf;
+    const double db = loss.loss_db(video);
+    tried[crf] = db;
+    if (!quiet) fmt::print(stderr, "rate factor {}: {:.3f} dB\n", crf, db);
+    return db;
+  };
+  const int least = video.codec == store::VideoCodec::kHevc ? 4 : 8;
+  video.crf = largest_crf_within(*options.target_db, least,
+                                 static_cast<int>(store::max_crf(video.codec)), loss_of);
+  measured.loss_db = tried.at(video.crf);
+  return measured;
+}
+
+nlohmann::ordered_json json_of(const Camera& camera) {
+  return {{"frames", camera.frames},
+          {"groups", camera.groups},
+          {"bytes_before", camera.bytes_before},
+          {"bytes_after", camera.bytes_after},
+          {"mean_square_error", camera.mean_square_error},
+          {"min_psnr_db", camera.min_psnr_db}};
+}
+
+void print_json(const PackCommandOptions& common, const store::VideoSettings& video,
+                const store::TemporalReport& report, const std::optional<MeasuredLoss>& loss) {
+  nlohmann::ordered_json json{{"take", common.take},
+                              {"output", common.output},
+                              {"codec", store::name_of(video.codec)},
+                              {"crf", video.crf},
+                              {"group_frames", video.group_frames}};
+  json.update(json_of(report.total()));
+  json["psnr_db"] = report.psnr_db();
+  if (loss) {
+    json["view_loss"] = {{"target_db", loss->target_db},
+                         {"loss_db", loss->loss_db},
+                         {"psnr_before_db", loss->reference_db},
+                         {"views", loss->views},
+                         {"truth", loss->truth}};
+  }
+  json["seconds"] = report.seconds;
+  json["encode_thread_seconds"] = report.encode_thread_seconds;
+  json["decode_thread_seconds"] = report.decode_thread_seconds;
+  json["cameras"] = nlohmann::ordered_json::array();
+  for (const Camera& camera : report.cameras) {
+    nlohmann::ordered_json entry{{"id", camera.id}};
+    entry.update(json_of(camera));
+    json["cameras"].push_back(std::move(entry));
+  }
+  print("{}\n", json.dump(2));
+}
+
+void print_text(const PackCommandOptions& common, const store::VideoSettings& video,
+                const store::TemporalReport& report, const std::optional<MeasuredLoss>& loss) {
+  const Camera total = report.total();
+  print("{}: {} cameras, {} frames, {:.1f} MB -> {:.2f} MB, {:.1f} times smaller; lossy\n",
+        common.output, report.cameras.size(), total.frames,
+        static_cast<double>(total.bytes_before) / kMegabyte,
+        static_cast<double>(total.bytes_after) / kMegabyte, ratio(total));
+  print("Codec      {}, rate factor {}, {} groups of up to {} frames\n",
+        store::name_of(video.codec), video.crf, total.groups, video.group_frames);
+  print("Frames     {:.2f} dB PSNR against the source's Y'CbCr 4:2:0, the worst {:.2f} dB\n",
+        report.psnr_db(), total.min_psnr_db);
+  if (loss) {
+    print(
+        "Views      {:.3f} dB lost of {:.2f} dB PSNR (allowed: {} dB), mean of {} views against "
+        "{}\n",
+        loss->loss_db, loss->reference_db, loss->target_db, loss->views, loss->truth);
+  }
+  const double frames = static_cast<double>(std::max<std::int64_t>(total.frames, 1));
+  print("Speed      {:.1f} s; per frame {:.1f} ms to encode, {:.1f} ms to decode and compare\n",
+        report.seconds, 1000 * report.encode_thread_seconds / frames,
+        1000 * report.decode_thread_seconds / frames);
+}
+
+}  // namespace
+
+void add_temporal_options(CommandLine& command, TemporalCommandOptions& options) {
+  CommandLine group = command.group("Lossy, as video");
+  group
+      .option("--temporal", options.codec,
+              "Encode the frames as HEVC (x265) or AV1 (SVT-AV1), 8 bits, 4:2:0: lossy")
+      .one_of({"hevc", "av1"});
+  group.choice(
+      "--references", options.references,
+      {{"time", References::kTime}, {"none", References::kNone}},
+      "What frames are predicted from: time (earlier frames of the camera's group) or none "
+      "(default: time)");
+  group
+      .option("--group", options.group,
+              "Frames of a group, which is decoded as a whole, 1-256 (default: 12)")
+      .limits(1, store::kMaxGroupFrames)
+      .needs("--temporal");
+  group
+      .option("--crf", options.crf,
+              "Rate factor of the encoder, HEVC 0-51, AV1 1-63; larger is smaller and worse "
+              "(default: 24, 32)")
+      .limits(0.0, 63.0)
+      .needs("--temporal");
+  group
+      .option("--target-db", options.target_db,
+              "Search the largest rate factor whose loss in rendered views is at most this, dB of "
+              "PSNR: see docs/archivist.md")
+      .limits(0.0, 60.0)
+      .excludes("--crf")
+      .needs("--temporal");
+  group
+      .option("--views", options.views,
+              "Views document with truth images for --target-db (default: cameras that are left "
+              "out, in the middle of the take)")
+      .needs("--target-db");
+  group.option("--method", options.method, "Reconstruction method that renders the views")
+      .show_default()
+      .needs("--target-db");
+}
+
+ExitCode run_pack_temporal(const PackCommandOptions& common, const TemporalCommandOptions& options,
+                           const std::stop_token& stop) {
+  store::silence_encoders();
+  store::TemporalOptions how;
+  how.video = settings_of(options);
+  check_options(options, how.video);
+  const ThreadLimit limit(common.threads);
+  const store::Take take(common.take);
+  std::optional<MeasuredLoss> loss;
+  if (options.target_db) {
+    loss = search(take, common.output, options, common.quiet, how.video, stop);
+  }
+  Progress progress(!common.quiet);
+  how.progress = [&](double done) { progress.report(done); };
+  how.stop = stop;
+  const store::TemporalReport report = store::pack_temporal(take, common.output, how);
+  if (common.json) {
+    print_json(common, how.video, report, loss);
+  } else {
+    print_text(common, how.video, report, loss);
+  }
+  return ExitCode::kSuccess;
+}
+
+}  // namespace raystage::cli

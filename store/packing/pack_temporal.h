@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "base/run_status.h"
+#include "base/time.h"
+#include "store/take.h"
+#include "store/temporal/video_encoder.h"
+
+namespace raystage::store {
+
+/// How the frames of a take are encoded as video.
+struct TemporalOptions {
+  VideoSettings video;
+  std::function<void(double)> progress;  ///< called with the share done, 0 to 1
+  std::stop_token stop;
+};
+
+/// What encoding a take has done.
+struct TemporalReport {
+  struct Camera {
+    std::string id;
+    std::int64_t frames = 0;         ///< stored
+    std::int64_t groups = 0;         ///< that are decoded without others
+    std::uint64_t bytes_before = 0;  ///< of the frames, as stored in the source
+    std::uint64_t bytes_after = 0;   ///< of the frames, as stored in the new take
+    /// Of the decoded pictures against the source's Y'CbCr samples in 4:2:0, mean square error over
+    /// all samples of a frame, full scale 255. 0 and infinity of no frames.
+    double mean_square_error = 0, min_psnr_db = 0;
+  };
+  std::vector<Camera> cameras;
+  double seconds = 0;  ///< wall time of the frames
+  /// Of encoding and of decoding and comparing, summed over the threads, s.
+  double encode_thread_seconds = 0, decode_thread_seconds = 0;
+  RunStatus status = RunStatus::kNotRun;
+
+  Camera total() const;    ///< without an id
+  double psnr_db() const;  ///< of the mean square error over all frames
+};
+
+/// Writes a take with the same records whose frames are encoded as video, lossy. Each group is
+/// decoded again as readers do, and compared. Times, gaps and their reasons are those of the
+/// source; all its other files are copied, but hidden ones and depth/; its manifest becomes
+/// original/manifest.sha256. The source is not modified; the new take gets its name when it is
+/// complete. Memory: an encoder and the encoded frames of one camera per thread. Throws as
+/// pack_take(), and Error (bad input) if the take is temporal already or a frame is damaged.
+TemporalReport pack_temporal(const Take& take, const std::filesystem::path& folder,
+                             const TemporalOptions& options);
+
+/// Writes a take of the frames of some time only, without other files but the documents: to measure
+/// what a setting does. `video`: how they are encoded; nullopt: they are stored as JPEG, as read.
+/// `first`, `last`: since the take's epoch; frames at both are included. Throws as pack_temporal().
+TemporalReport pack_excerpt(const Take& take, const std::filesystem::path& folder,
+                            Nanoseconds first, Nanoseconds last,
+                            const std::optional<VideoSettings>& video, const std::stop_token& stop);
+
+}  // namespace raystage::store

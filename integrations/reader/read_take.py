@@ -133,7 +133,7 @@ class Take:
         frame = self.cameras[camera]["frames"][index]
         data = self.bytes[camera][frame["offset"]:frame["offset"] + frame["size"]]
         if not data.startswith(bytes.fromhex("0000000c4a584c200d0a870a")):
-            return data
+            return data if "JP" in self.cameras[camera]["codec"] else sys.exit("read_take.py: frames are video: ffmpeg reads them")
         with tempfile.TemporaryDirectory() as folder:
             pathlib.Path(folder, "packed.jxl").write_bytes(data)
             subprocess.run(["djxl", "packed.jxl", "frame.jpg"], cwd=folder, check=True, stderr=subprocess.DEVNULL)

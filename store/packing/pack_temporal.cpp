@@ -136,8 +136,7 @@ class TakeEncoder {
   }
 
   void encode(int camera, Sequence& sequence) {
-    const ArchiveWriter::Description& description = take_.archive(camera).description();
-    VideoEncoder encoder(coded_side(description.width), coded_side(description.height), *video_);
+    VideoEncoder encoder(*video_);
     std::vector<JpegFixity> sources;
     for (const int frame : sequence.frames) {
       require_not_stopped();

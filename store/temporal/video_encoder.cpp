@@ -18,10 +18,19 @@ namespace raystage::store {
 
 struct VideoEncoder::State {
   VideoSettings settings;
-  ffmpeg::Owned<AVCodecContext> context;
+  ffmpeg::Owned<AVCodecContext> session;  // null before the first picture
   ffmpeg::Owned<AVPacket> packet = ffmpeg::owned(av_packet_alloc());
   std::int64_t pushed = 0;
   std::vector<VideoPacket> packets;
+
+  void open(int width, int height);
+  /// Receives the last packets and ends the encoder, if there is one.
+  void close() {
+    if (!session) return;
+    const auto ended = std::move(session);
+    check(avcodec_send_frame(ended.get(), nullptr), "does not finish");
+    receive_from(*ended);
+  }
 
   void check(int code, const char* what) const {
     if (code >= 0) return;
@@ -30,11 +39,12 @@ struct VideoEncoder::State {
                         "", "Try another rate factor, or the other codec");
   }
   void set(const char* name, const std::string& value) const {
-    check(av_opt_set(context->priv_data, name, value.c_str(), 0), "refuses a setting");
+    check(av_opt_set(session->priv_data, name, value.c_str(), 0), "refuses a setting");
   }
-  void receive() {
+  void receive() { receive_from(*session); }
+  void receive_from(AVCodecContext& context) {
     for (;;) {
-      const int code = avcodec_receive_packet(context.get(), packet.get());
+      const int code = avcodec_receive_packet(&context, packet.get());
       if (code == AVERROR(EAGAIN) || code == AVERROR_EOF) return;
       check(code, "failed");
       if (packet->pts != static_cast<std::int64_t>(packets.size())) {
@@ -50,9 +60,7 @@ struct VideoEncoder::State {
 
 double max_crf(VideoCodec codec) { return codec == VideoCodec::kHevc ? 51 : 63; }
 
-VideoEncoder::VideoEncoder(int width, int height, const VideoSettings& settings)
-    : state_(std::make_unique<State>()) {
-  state_->settings = settings;
+void VideoEncoder::State::open(int width, int height) {
   const bool is_hevc = settings.codec == VideoCodec::kHevc;
   const char* const name = is_hevc ? "libx265" : "libsvtav1";
   const AVCodec* const encoder = avcodec_find_encoder_by_name(name);
@@ -60,8 +68,8 @@ VideoEncoder::VideoEncoder(int width, int height, const VideoSettings& settings)
     throw Error::failed(fmt::format("FFmpeg has no encoder {}", name), "",
                         "Install FFmpeg as scripts/install_packages.sh does");
   }
-  state_->context = ffmpeg::owned(avcodec_alloc_context3(encoder));
-  AVCodecContext& context = *state_->context;
+  session = ffmpeg::owned(avcodec_alloc_context3(encoder));
+  AVCodecContext& context = *session;
   context.width = width;
   context.height = height;
   context.pix_fmt = AV_PIX_FMT_YUV420P;
@@ -75,24 +83,34 @@ VideoEncoder::VideoEncoder(int width, int height, const VideoSettings& settings)
   context.color_trc = AVCOL_TRC_IEC61966_2_1;
   if (is_hevc) {
     context.max_b_frames = 0;
-    state_->set("preset", "fast");
-    state_->set("crf", fmt::format("{}", settings.crf));
-    state_->set("x265-params",
-                fmt::format("log-level=none:info=0:bframes=0:keyint={0}:min-keyint={0}:scenecut=0:"
-                            "open-gop=0:repeat-headers=1:pools=none:frame-threads=1",
-                            settings.group_frames));
+    set("preset", "fast");
+    set("crf", fmt::format("{}", settings.crf));
+    set("x265-params",
+        fmt::format("log-level=none:info=0:bframes=0:keyint={0}:min-keyint={0}:scenecut=0:"
+                    "open-gop=0:repeat-headers=1:pools=none:frame-threads=1",
+                    settings.group_frames));
   } else {
-    state_->set("preset", "6");
-    state_->set("crf", fmt::format("{:.0f}", settings.crf));
-    state_->set("svtav1-params", "lp=1");
+    set("preset", "6");
+    set("crf", fmt::format("{:.0f}", settings.crf));
+    set("svtav1-params", "lp=1");
   }
-  state_->check(avcodec_open2(&context, encoder, nullptr), "does not start");
+  check(avcodec_open2(&context, encoder, nullptr), "does not start");
 }
 
-VideoEncoder::~VideoEncoder() = default;
+VideoEncoder::VideoEncoder(const VideoSettings& settings) : state_(std::make_unique<State>()) {
+  state_->settings = settings;
+}
+
+VideoEncoder::~VideoEncoder() {
+  try {
+    state_->close();  // SVT-AV1 does not end before the end of its pictures
+  } catch (...) {     // its packets are not wanted
+  }
+}
 
 void VideoEncoder::push(const Planes& planes) {
-  const AVCodecContext& context = *state_->context;
+  if (!state_->session) state_->open(planes.width, planes.height);
+  const AVCodecContext& context = *state_->session;
   const auto frame = ffmpeg::owned(av_frame_alloc());
   AVFrame& picture = *frame;
   picture.format = context.pix_fmt;
@@ -109,13 +127,16 @@ void VideoEncoder::push(const Planes& planes) {
     }
   }
   picture.pts = state_->pushed++;
-  state_->check(avcodec_send_frame(state_->context.get(), &picture), "refuses a picture");
+  state_->check(avcodec_send_frame(state_->session.get(), &picture), "refuses a picture");
   state_->receive();
+  // SVT-AV1 makes intra frames that are no key frames where each frame shall be one.
+  if (state_->settings.codec == VideoCodec::kAv1 && state_->settings.group_frames == 1) {
+    state_->close();
+  }
 }
 
 std::vector<VideoPacket> VideoEncoder::finish() {
-  state_->check(avcodec_send_frame(state_->context.get(), nullptr), "does not finish");
-  state_->receive();
+  state_->close();
   if (static_cast<std::int64_t>(state_->packets.size()) != state_->pushed ||
       (state_->pushed > 0 && !state_->packets.front().is_key)) {
     throw Error::failed("the encoder did not return every picture", "", "Use the other codec");

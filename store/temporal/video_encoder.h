@@ -30,14 +30,13 @@ struct VideoPacket {
 /// packet for each picture in order, groups that do not depend on each other.
 class VideoEncoder {
  public:
-  /// `width`, `height`: of the coded pictures. Throws Error (failed) if FFmpeg lacks the encoder or
-  /// does not accept the settings.
-  VideoEncoder(int width, int height, const VideoSettings& settings);
+  explicit VideoEncoder(const VideoSettings& settings);
   ~VideoEncoder();
   VideoEncoder(const VideoEncoder&) = delete;
   VideoEncoder& operator=(const VideoEncoder&) = delete;
 
-  /// Encodes the next picture; packets follow later. Throws Error (failed).
+  /// Encodes the next picture, of the size of the first. Throws Error (failed) if FFmpeg lacks the
+  /// encoder or does not accept the settings.
   void push(const Planes& picture);
   /// Returns the packets of all pictures, in order. Call once, last. Throws Error (failed).
   std::vector<VideoPacket> finish();

@@ -25,7 +25,6 @@ constexpr double kMegabyte = 1e6;
 
 struct MeasuredLoss {
   double target_db = 0, loss_db = 0, reference_db = 0;
-  std::size_t views = 0;
   std::string truth;
 };
 
@@ -53,15 +52,15 @@ void check_options(const TemporalCommandOptions& options, const store::VideoSett
 
 /// Searches the rate factor. A line per trial goes to stderr.
 MeasuredLoss search(const store::Take& take, const std::string& output,
-                    const TemporalCommandOptions& options, bool quiet, store::VideoSettings& video,
-                    const std::stop_token& stop) {
+                    const TemporalCommandOptions& options, bool quiet, int threads,
+                    store::VideoSettings& video, const std::stop_token& stop) {
   const std::filesystem::path target = std::filesystem::absolute(output).lexically_normal();
   const std::filesystem::path folder =
       (target.has_filename() ? target : target.parent_path()).parent_path() /
       fmt::format(".{}.{}.trials.tmp", target.filename().string(), getpid());
-  const ViewLoss loss(take, folder, {options.method, options.views, video.group_frames}, stop);
-  MeasuredLoss measured{*options.target_db, 0, loss.reference_db(), loss.view_count(),
-                        loss.truth()};
+  const ViewLoss loss(take, folder, {options.method, options.views, video.group_frames, threads},
+                      stop);
+  MeasuredLoss measured{*options.target_db, 0, loss.reference_db(), loss.truth()};
   std::map<double, double> tried;
   const auto loss_of = [&](double crf) {
     video.crf = crf;
@@ -99,7 +98,6 @@ void print_json(const PackCommandOptions& common, const store::VideoSettings& vi
     json["view_loss"] = {{"target_db", loss->target_db},
                          {"loss_db", loss->loss_db},
                          {"psnr_before_db", loss->reference_db},
-                         {"views", loss->views},
                          {"truth", loss->truth}};
   }
   json["seconds"] = report.seconds;
@@ -129,7 +127,7 @@ void print_text(const PackCommandOptions& common, const store::VideoSettings& vi
     print(
         "Views      {:.3f} dB lost of {:.2f} dB PSNR (allowed: {} dB), mean of {} views against "
         "{}\n",
-        loss->loss_db, loss->reference_db, loss->target_db, loss->views, loss->truth);
+        loss->loss_db, loss->reference_db, loss->target_db, loss->truth);
   }
   const double frames = static_cast<double>(std::max<std::int64_t>(total.frames, 1));
   print("Speed      {:.1f} s; per frame {:.1f} ms to encode, {:.1f} ms to decode and compare\n",
@@ -188,7 +186,7 @@ ExitCode run_pack_temporal(const PackCommandOptions& common, const TemporalComma
   const store::Take take(common.take);
   std::optional<MeasuredLoss> loss;
   if (options.target_db) {
-    loss = search(take, common.output, options, common.quiet, how.video, stop);
+    loss = search(take, common.output, options, common.quiet, common.threads, how.video, stop);
   }
   Progress progress(!common.quiet);
   how.progress = [&](double done) { progress.report(done); };

@@ -6,18 +6,24 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/child_process.h"
 #include "base/error.h"
-#include "render/common/image_quality.h"
+#include "schemas/views_document.h"
 
 namespace raystage::cli {
 namespace {
 
 constexpr int kMostViews = 4;
+constexpr const char* kAdvice = "Choose the rate factor instead";
+
+int step_for(int views) { return std::max(1, (views + kMostViews - 1) / kMostViews); }
 
 }  // namespace
 
@@ -27,20 +33,11 @@ ViewLoss::ViewLoss(const store::Take& take, std::filesystem::path folder, Settin
       folder_(std::move(folder)),
       settings_(std::move(settings)),
       stop_(std::move(stop)) {
-  options_.method = settings_.method;
-  options_.use_take_folder = false;
-  options_.count_needed_pixels = false;
-  if (!settings_.views.empty()) views_ = schemas::read_views(settings_.views);
   choose_frames();
   create_folder(folder_);
   try {
-    store::pack_excerpt(take_, folder_ / "source", first_, last_, std::nullopt, stop_);
-    evaluate(folder_ / "source", [&](const evaluation::EvaluatedView& view) {
-      Reference& reference = references_[view.id];
-      reference.truth = view.truth;
-      reference.covered.assign(view.covered.begin(), view.covered.end());
-      reference.psnr_db = render::compare_images(view.image, view.truth, view.covered).psnr_db;
-    });
+    store::write_excerpt(take_, folder_ / "source", excerpt_, stop_);
+    reference_db_ = psnr_of("source");
   } catch (...) {
     std::error_code ignored;
     std::filesystem::remove_all(folder_, ignored);
@@ -56,22 +53,20 @@ ViewLoss::~ViewLoss() {
 /// Chooses the time of the excerpt, and the cameras to leave out.
 void ViewLoss::choose_frames() {
   if (!settings_.views.empty()) {
-    first_ = std::numeric_limits<Nanoseconds>::min();
-    last_ = std::numeric_limits<Nanoseconds>::max();
-    const auto count = static_cast<int>(views_.views.size());
-    options_.view_step = std::max(1, (count + kMostViews - 1) / kMostViews);
+    excerpt_.first = std::numeric_limits<Nanoseconds>::min();
+    excerpt_.last = std::numeric_limits<Nanoseconds>::max();
+    view_step_ = step_for(static_cast<int>(schemas::read_views(settings_.views).views.size()));
     return;
   }
   const int cameras = take_.camera_count();
   if (cameras < 3) {
-    throw Error::bad_input(
-        "views cannot be rendered from fewer than three cameras to measure a loss",
-        take_.folder().string(), "Choose the rate factor instead");
+    throw Error::bad_input("a loss in views cannot be measured with fewer than three cameras",
+                           take_.folder().string(), kAdvice);
   }
   const auto frames = take_.archive(cameras / 2).frames();
   if (frames.empty()) {
-    throw Error::bad_input("the camera in the middle of the list has no frames to measure a loss",
-                           take_.folder().string(), "Choose the rate factor instead");
+    throw Error::bad_input("the camera in the middle of the list has no frames",
+                           take_.folder().string(), kAdvice);
   }
   const auto count = static_cast<int>(frames.size());
   const int length = std::min(settings_.group_frames, count);
@@ -79,61 +74,69 @@ void ViewLoss::choose_frames() {
   const Nanoseconds interval =
       count > 1 ? (frames.back().time_ns - frames.front().time_ns) / (count - 1) : 0;
   // Cameras need not be synchronous: half an interval more on both sides.
-  first_ = frames[begin].time_ns - interval / 2;
-  last_ = frames[begin + length - 1].time_ns + interval / 2;
+  excerpt_.first = frames[begin].time_ns - interval / 2;
+  excerpt_.last = frames[begin + length - 1].time_ns + interval / 2;
+  if (count == 1) {  // a still: all that there is
+    excerpt_.first = std::numeric_limits<Nanoseconds>::min();
+    excerpt_.last = std::numeric_limits<Nanoseconds>::max();
+  }
   const int left_out = cameras >= 9 ? 2 : 1;
   for (int i = 1; i <= left_out; ++i) {
-    options_.excluded_camera_ids.push_back(
-        take_.document().cameras[static_cast<std::size_t>(cameras * i / (left_out + 1))].id);
+    excerpt_.unencoded_cameras.push_back(cameras * i / (left_out + 1));
   }
-  options_.view_step = std::max(1, (left_out * length + kMostViews - 1) / kMostViews);
+  view_step_ = step_for(left_out * length);
 }
 
-void ViewLoss::evaluate(
-    const std::filesystem::path& excerpt,
-    const std::function<void(const evaluation::EvaluatedView&)>& on_view) const {
-  evaluation::EvaluationOptions options = options_;
-  options.on_view = on_view;
-  evaluation::evaluate_views(
-      store::Take(excerpt), views_, settings_.views.parent_path(), options, [](double) {}, stop_);
+/// Returns the mean PSNR of the views of an excerpt, dB.
+double ViewLoss::psnr_of(const std::string& name) const {
+  const std::filesystem::path result = folder_ / (name + ".json");
+  std::vector<std::string> command{sibling_program("raystage-evaluate").string(),
+                                   (folder_ / name).string()};
+  if (!settings_.views.empty()) command.push_back(settings_.views.string());
+  for (const int camera : excerpt_.unencoded_cameras) {
+    command.insert(command.end(), {"--exclude-cameras",
+                                   take_.document().cameras[static_cast<std::size_t>(camera)].id});
+  }
+  command.insert(command.end(), {"--method", settings_.method, "--view-step",
+                                 std::to_string(view_step_), "--no-pixel-counts", "-q", "--json",
+                                 result.string(), "-j", std::to_string(settings_.threads)});
+  ChildOptions options;
+  options.stop = stop_;
+  const ChildResult evaluated = run_child(command, options);
+  if (evaluated.exit_code != 0) {
+    throw Error::failed("the views cannot be rendered: " + evaluated.out, take_.folder().string(),
+                        kAdvice);
+  }
+  const auto mean = nlohmann::json::parse(read_file(result)).at("mean");
+  const double psnr = mean.at("psnr_db").is_number() ? mean.at("psnr_db").get<double>() : NAN;
+  if (!std::isfinite(psnr)) {
+    throw Error::bad_input("no view can be compared with a truth", take_.folder().string(),
+                           kAdvice);
+  }
+  return psnr;
 }
 
 double ViewLoss::loss_db(const store::VideoSettings& video) const {
-  const std::filesystem::path trial = folder_ / "trial";
-  std::filesystem::remove_all(trial);
-  store::pack_excerpt(take_, trial, first_, last_, video, stop_);
-  double sum = 0, count = 0;
-  evaluate(trial, [&](const evaluation::EvaluatedView& view) {
-    const auto found = references_.find(view.id);
-    if (found == references_.end()) return;
-    const Reference& reference = found->second;
-    const double psnr =
-        render::compare_images(view.image, reference.truth, reference.covered).psnr_db;
-    sum += reference.psnr_db - psnr;
-    ++count;
-  });
-  if (count == 0 || sum != sum) {
-    throw Error::bad_input("no view has pixels that can be compared", take_.folder().string(),
-                           "Choose the rate factor instead");
-  }
-  return sum / count;
-}
-
-double ViewLoss::reference_db() const {
-  double sum = 0;
-  for (const auto& [id, reference] : references_) sum += reference.psnr_db;
-  return sum / static_cast<double>(references_.size());
+  std::filesystem::remove_all(folder_ / "trial");
+  store::Excerpt trial = excerpt_;
+  trial.video = video;
+  store::write_excerpt(take_, folder_ / "trial", trial, stop_);
+  return reference_db_ - psnr_of("trial");
 }
 
 std::string ViewLoss::truth() const {
   if (!settings_.views.empty()) return settings_.views.filename().string();
-  return fmt::format("frames of {}, left out", fmt::join(options_.excluded_camera_ids, ", "));
+  std::string ids;
+  for (const int camera : excerpt_.unencoded_cameras) {
+    ids += " " + take_.document().cameras[static_cast<std::size_t>(camera)].id;
+  }
+  return "cameras left out:" + ids;
 }
 
 double largest_crf_within(double target_db, int least, int most,
                           const std::function<double(double)>& loss_of) {
   const double best = loss_of(least);
-  if (!(best <= target_db)) {
+  if (best > target_db) {
     throw Error::bad_input(
         fmt::format("the rate factor {} already costs {:.3f} dB in rendered views", least, best),
         "", "Allow a larger loss, or pack without loss");

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -35,15 +36,8 @@ double psnr_of(double mean_square_error) {
   return 10 * std::log10(255.0 * 255.0 / mean_square_error);
 }
 
-struct TimeRange {
-  Nanoseconds first = std::numeric_limits<Nanoseconds>::min();
-  Nanoseconds last = std::numeric_limits<Nanoseconds>::max();
-  bool contains(Nanoseconds time) const { return time >= first && time <= last; }
-};
-
-FrameCodec codec_of(const std::optional<VideoSettings>& video) {
-  if (!video) return FrameCodec::kJpeg;
-  return video->codec == VideoCodec::kHevc ? FrameCodec::kHevc : FrameCodec::kAv1;
+FrameCodec codec_of(const VideoSettings& video) {
+  return video.codec == VideoCodec::kHevc ? FrameCodec::kHevc : FrameCodec::kAv1;
 }
 
 schemas::TakeDocument encoded_document(schemas::TakeDocument document) {
@@ -53,15 +47,16 @@ schemas::TakeDocument encoded_document(schemas::TakeDocument document) {
 
 class TakeEncoder {
  public:
-  TakeEncoder(const Take& take, const fs::path& folder, const std::optional<VideoSettings>& video,
-              TimeRange range, const std::stop_token& stop)
+  /// `codec`: of the new take; JPEG: decoded frames are stored.
+  TakeEncoder(const Take& take, const fs::path& folder, const Excerpt& excerpt, FrameCodec codec,
+              const std::stop_token& stop)
       : take_(take),
         folder_(folder),
-        video_(video),
-        range_(range),
+        excerpt_(excerpt),
+        codec_(codec),
         stop_(stop),
         writer_(folder, encoded_document(take.document()), schemas::read_rig(take.file("rig.json")),
-                codec_of(video)) {
+                codec) {
     for (int camera = 0; camera < take.camera_count(); ++camera) {
       const std::string& id = take.document().cameras[camera].id;
       require_whole_archive(take.archive(camera), id, take.folder());
@@ -97,11 +92,13 @@ class TakeEncoder {
   TemporalReport take_report() { return std::move(report_); }
 
  private:
-  /// Frames of a camera in the range of time, and those that were encoded of them.
+  /// Frames of a camera in the excerpt, and what was made of them, if they are encoded.
   struct Sequence {
     std::vector<int> frames;
-    std::vector<std::vector<std::byte>> stored;
+    std::vector<std::vector<std::byte>> stored, decoded;
   };
+
+  bool is_wanted(Nanoseconds time) const { return time >= excerpt_.first && time <= excerpt_.last; }
 
   void require_not_stopped() const {
     if (!stop_.stop_requested()) return;
@@ -122,9 +119,12 @@ class TakeEncoder {
     const ArchiveReader& archive = take_.archive(camera);
     Sequence sequence;
     for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
-      if (range_.contains(archive.frames()[i].time_ns)) sequence.frames.push_back(i);
+      if (is_wanted(archive.frames()[i].time_ns)) sequence.frames.push_back(i);
     }
-    if (video_ && !sequence.frames.empty()) {
+    const bool is_encoded =
+        excerpt_.video &&
+        std::ranges::find(excerpt_.unencoded_cameras, camera) == excerpt_.unencoded_cameras.end();
+    if (is_encoded && !sequence.frames.empty()) {
       const Stopwatch encoding;
       encode(camera, sequence);
       encode_us_ += std::llround(encoding.seconds() * 1e6);
@@ -136,7 +136,7 @@ class TakeEncoder {
   }
 
   void encode(int camera, Sequence& sequence) {
-    VideoEncoder encoder(*video_);
+    VideoEncoder encoder(*excerpt_.video);
     std::vector<JpegFixity> sources;
     for (const int frame : sequence.frames) {
       require_not_stopped();
@@ -152,14 +152,14 @@ class TakeEncoder {
       }
       link.source_bytes = sources[i].size;
       link.source_xxh3 = sources[i].xxh3;
-      sequence.stored.push_back(make_temporal_frame(video_->codec, link, packet.bytes));
+      sequence.stored.push_back(make_temporal_frame(excerpt_.video->codec, link, packet.bytes));
       ++link.position;
       link.previous = hash_of_stored(sequence.stored.back());
     }
   }
 
   /// Decodes the groups as readers do and compares the pictures with their sources.
-  void compare(int camera, const Sequence& sequence) {
+  void compare(int camera, Sequence& sequence) {
     const ArchiveWriter::Description& description = take_.archive(camera).description();
     const int width = description.width, height = description.height;
     TemporalReport::Camera& report = report_.cameras[static_cast<std::size_t>(camera)];
@@ -171,7 +171,7 @@ class TakeEncoder {
              !is_key_frame(sequence.stored[begin + group.size()])) {
         group.emplace_back(sequence.stored[begin + group.size()]);
       }
-      const auto jpegs = decoder_.decode(video_->codec, {width, height}, group, folder_);
+      auto jpegs = decoder_.decode(excerpt_.video->codec, {width, height}, group, folder_);
       for (std::size_t i = 0; i < jpegs.size(); ++i) {
         const Planes decoded = planes_of_jpeg(jpegs[i], width, height, "a decoded frame");
         const Planes source = planes_of(camera, sequence.frames[begin + i], nullptr);
@@ -181,6 +181,9 @@ class TakeEncoder {
       }
       begin += group.size();
       ++report.groups;
+      if (codec_ == FrameCodec::kJpeg) {
+        std::ranges::move(jpegs, std::back_inserter(sequence.decoded));
+      }
     }
     report.mean_square_error = sum / static_cast<double>(sequence.stored.size());
     report.min_psnr_db = psnr_of(worst);
@@ -192,15 +195,15 @@ class TakeEncoder {
     ArchiveWriter& to = writer_.archive(camera);
     std::size_t next = 0;
     for (const FrameRecord& record : archive.records()) {
-      if (!range_.contains(record.time_ns)) continue;
+      if (!is_wanted(record.time_ns)) continue;
       if (record.status != FrameStatus::kStored) {
         to.append_again(record, {});
         continue;
       }
       FrameBytes jpeg;
       std::span<const std::byte> stored;
-      if (video_) {
-        stored = sequence.stored[next];
+      if (!sequence.stored.empty()) {
+        stored = codec_ == FrameCodec::kJpeg ? sequence.decoded[next] : sequence.stored[next];
       } else {
         jpeg = archive.jpeg(sequence.frames[next]);
         stored = jpeg;
@@ -216,8 +219,8 @@ class TakeEncoder {
 
   const Take& take_;
   const fs::path folder_;
-  const std::optional<VideoSettings> video_;
-  const TimeRange range_;
+  const Excerpt excerpt_;
+  const FrameCodec codec_;
   const std::stop_token stop_;
   TakeWriter writer_;
   GroupDecoder decoder_;
@@ -260,7 +263,11 @@ TemporalReport pack_temporal(const Take& take, const fs::path& folder,
                              const TemporalOptions& options) {
   take.check_not_inside(folder);
   files_of_take(take.folder());  // refuse what cannot be copied before the long part
-  TakeEncoder encoder(take, folder, options.video, {}, options.stop);
+  Excerpt everything;
+  everything.first = std::numeric_limits<Nanoseconds>::min();
+  everything.last = std::numeric_limits<Nanoseconds>::max();
+  everything.video = options.video;
+  TakeEncoder encoder(take, folder, everything, codec_of(options.video), options.stop);
   encoder.encode_all(options.progress);
   const fs::path& working = encoder.writer().working_folder();
   copy_other_files(take.folder(), working, Direction::kPack);
@@ -269,14 +276,12 @@ TemporalReport pack_temporal(const Take& take, const fs::path& folder,
   return encoder.take_report();
 }
 
-TemporalReport pack_excerpt(const Take& take, const fs::path& folder, Nanoseconds first,
-                            Nanoseconds last, const std::optional<VideoSettings>& video,
-                            const std::stop_token& stop) {
+void write_excerpt(const Take& take, const fs::path& folder, const Excerpt& excerpt,
+                   const std::stop_token& stop) {
   take.check_not_inside(folder);
-  TakeEncoder encoder(take, folder, video, {first, last}, stop);
+  TakeEncoder encoder(take, folder, excerpt, FrameCodec::kJpeg, stop);
   encoder.encode_all({});
   encoder.writer().commit();
-  return encoder.take_report();
 }
 
 }  // namespace raystage::store

@@ -54,11 +54,16 @@ struct TemporalReport {
 TemporalReport pack_temporal(const Take& take, const std::filesystem::path& folder,
                              const TemporalOptions& options);
 
-/// Writes a take of the frames of some time only, without other files but the documents: to measure
-/// what a setting does. `video`: how they are encoded; nullopt: they are stored as JPEG, as read.
-/// `first`, `last`: since the take's epoch; frames at both are included. Throws as pack_temporal().
-TemporalReport pack_excerpt(const Take& take, const std::filesystem::path& folder,
-                            Nanoseconds first, Nanoseconds last,
-                            const std::optional<VideoSettings>& video, const std::stop_token& stop);
+/// Frames of a take for a measurement.
+struct Excerpt {
+  Nanoseconds first = 0, last = 0;          ///< since the take's epoch; frames at both are included
+  std::optional<VideoSettings> video;       ///< nullopt: frames as they are read from the take
+  std::vector<int> unencoded_cameras = {};  ///< whose frames are as read in any case
+};
+
+/// Writes a take of the frames of some time only, as readers get them after encoding: JPEG. It has
+/// no other files but the documents. Throws as pack_temporal().
+void write_excerpt(const Take& take, const std::filesystem::path& folder, const Excerpt& excerpt,
+                   const std::stop_token& stop);
 
 }  // namespace raystage::store

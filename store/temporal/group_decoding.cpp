@@ -23,7 +23,8 @@ class GroupPictures {
     if (decoder == nullptr) throw std::runtime_error("FFmpeg has no decoder for it");
     context_ = ffmpeg::owned(avcodec_alloc_context3(decoder));
     context_->thread_count = 1;
-    context_->max_pixels = static_cast<std::int64_t>(coded_side(width)) * coded_side(height);
+    constexpr std::int64_t kRowPadding = 256;  // counts as pixels
+    context_->max_pixels = (coded_side(width) + kRowPadding) * coded_side(height);
     check(avcodec_open2(context_.get(), decoder, nullptr));
   }
 

@@ -124,10 +124,8 @@ void print_text(const PackCommandOptions& common, const store::VideoSettings& vi
   print("Frames     {:.2f} dB PSNR against the source's Y'CbCr 4:2:0, the worst {:.2f} dB\n",
         report.psnr_db(), total.min_psnr_db);
   if (loss) {
-    print(
-        "Views      {:.3f} dB lost of {:.2f} dB PSNR (allowed: {} dB), mean of {} views against "
-        "{}\n",
-        loss->loss_db, loss->reference_db, loss->target_db, loss->truth);
+    print("Views      {:.3f} dB lost of {:.2f} dB PSNR (allowed: {} dB); truth: {}\n",
+          loss->loss_db, loss->reference_db, loss->target_db, loss->truth);
   }
   const double frames = static_cast<double>(std::max<std::int64_t>(total.frames, 1));
   print("Speed      {:.1f} s; per frame {:.1f} ms to encode, {:.1f} ms to decode and compare\n",

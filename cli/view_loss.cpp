@@ -80,11 +80,18 @@ void ViewLoss::choose_frames() {
     excerpt_.first = std::numeric_limits<Nanoseconds>::min();
     excerpt_.last = std::numeric_limits<Nanoseconds>::max();
   }
-  const int left_out = cameras >= 9 ? 2 : 1;
-  for (int i = 1; i <= left_out; ++i) {
-    excerpt_.unencoded_cameras.push_back(cameras * i / (left_out + 1));
+  // The camera in the middle: views from there are covered.
+  const Eigen::Vector3d centre = take_.rig().centre();
+  int middle = 0;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (int camera = 0; camera < cameras; ++camera) {
+    const Eigen::Vector3d position = take_.rig().cameras[camera].pose.position;
+    if ((position - centre).norm() >= nearest) continue;
+    nearest = (position - centre).norm();
+    middle = camera;
   }
-  view_step_ = step_for(left_out * length);
+  excerpt_.unencoded_cameras = {middle};
+  view_step_ = step_for(length);
 }
 
 /// Returns the mean PSNR of the views of an excerpt, dB.
@@ -130,7 +137,7 @@ std::string ViewLoss::truth() const {
   for (const int camera : excerpt_.unencoded_cameras) {
     ids += " " + take_.document().cameras[static_cast<std::size_t>(camera)].id;
   }
-  return "cameras left out:" + ids;
+  return "frames of the camera left out," + ids;
 }
 
 double largest_crf_within(double target_db, int least, int most,

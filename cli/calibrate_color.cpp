@@ -12,6 +12,7 @@
 #include "cli/calibrate.h"
 #include "cli/calibrate_color_options.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 #include "schemas/rig_document.h"
 #include "store/jpeg/encode.h"
@@ -56,6 +57,7 @@ ExitCode run_calibrate_color(const CalibrateColorOptions& options, const std::st
   }
   if (!sheet.empty()) write_file_atomically(options.sheet, sheet);
   schemas::write_rig(rig, options.output);
+  record_rig_event(options.output, "calibrate color");
   return ExitCode::kSuccess;
 }
 

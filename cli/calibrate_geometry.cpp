@@ -19,6 +19,7 @@
 #include "cli/follow_links_option.h"
 #include "cli/lens_model_option.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 
 namespace raystage::cli {
@@ -219,6 +220,7 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
   }
   schemas::write_rig(calibrate::make_rig_document(calibration, settings.start, options.name),
                      options.output);
+  record_rig_event(options.output, "calibrate geometry");
   return ExitCode::kSuccess;
 }
 

@@ -17,6 +17,7 @@
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 #include "depths/import_depths.h"
 #include "ingest/import_source.h"
@@ -268,6 +269,8 @@ ExitCode run(const Options& options, std::stop_token stop) {
                 summary.not_finite);
   }
   print_depth_range_hint(options.take);
+  record_event(options.take, "ingestion", "import " + options.manifest.filename().string(),
+               fmt::format("{} cameras, {} frames", summary.cameras, summary.frames));
   return ExitCode::kSuccess;
 }
 

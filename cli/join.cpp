@@ -9,6 +9,7 @@
 #include "cli/command_line_parsing.h"
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "ingest/record/join_takes.h"
 #include "raystage_version.h"
 
@@ -46,6 +47,9 @@ int main(int argc, char** argv) {
     print("{}: {} cameras of {} parts, {} frames, {} recorded as missing, {:.1f} MB\n",
           output.string(), report.cameras, parts.size(), report.frames, report.missing,
           static_cast<double>(report.bytes) / kMegabyte);
+    record_event(output, "information package merging",
+                 fmt::format("join of {} parts", parts.size()),
+                 fmt::format("{} frames, each compared with its XXH3", report.frames));
     return ExitCode::kSuccess;
   });
 }

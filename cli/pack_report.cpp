@@ -8,6 +8,7 @@
 #include "cli/follow_links_option.h"
 #include "cli/pack.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 
 namespace raystage::cli {
@@ -104,6 +105,10 @@ ExitCode run_pack(const PackCommandOptions& options, bool unpack, const std::sto
   } else {
     print_text(options, report, unpack);
   }
+  const Camera total = report.total();
+  record_event(options.output, unpack ? "decompression" : "compression",
+               unpack ? "unpack" : fmt::format("pack --effort {}", options.how.effort),
+               fmt::format("{} of {} frames, each compared", total.packed, total.frames));
   return ExitCode::kSuccess;
 }
 

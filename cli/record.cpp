@@ -15,6 +15,7 @@
 #include "cli/printing.h"
 #include "cli/record_status.h"
 #include "cli/record_takes.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 #include "ingest/record/memory_ceiling.h"
 #include "ingest/record/open_cameras.h"
@@ -237,6 +238,22 @@ void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate,
   print(stderr, text);
 }
 
+/// Returns the exit code of a recording that came to its end.
+ExitCode code_of(const schemas::RecordingDocument::Session& session) {
+  if (!session.audit || !session.audit->holds) return ExitCode::kFailed;
+  bool is_complete = true;
+  for (const schemas::RecordingDocument::Camera& camera : session.cameras) {
+    const bool lost = std::ranges::any_of(
+        camera.events, [](const auto& event) { return event.what.starts_with("lost"); });
+    is_complete = is_complete && camera.arrived > 0 && camera.dropped.empty() &&
+                  camera.skipped_by_source == 0 && !lost;
+  }
+  if (!is_complete) return ExitCode::kSomeFramesFailed;
+  const bool all_copies =
+      std::ranges::all_of(session.copies, &schemas::RecordingDocument::Copy::complete);
+  return all_copies ? ExitCode::kSuccess : ExitCode::kFellShort;
+}
+
 ExitCode record(const Options& options, const std::stop_token& stop) {
   if (options.resume) check_take_exists(options.take);
   schemas::RecordConfig config = schemas::read_record_config(options.config);
@@ -327,18 +344,12 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   print(options.status == "json" ? stderr : stdout, "{}: {}; {}", options.take.string(),
         session.stop_reason, format_session_summary(session));
 
-  if (!session.audit || !session.audit->holds) return ExitCode::kFailed;
-  bool is_complete = true;
-  for (const schemas::RecordingDocument::Camera& camera : session.cameras) {
-    const bool lost = std::ranges::any_of(
-        camera.events, [](const auto& event) { return event.what.starts_with("lost"); });
-    is_complete = is_complete && camera.arrived > 0 && camera.dropped.empty() &&
-                  camera.skipped_by_source == 0 && !lost;
-  }
-  if (!is_complete) return ExitCode::kSomeFramesFailed;
-  const bool all_copies =
-      std::ranges::all_of(session.copies, &schemas::RecordingDocument::Copy::complete);
-  return all_copies ? ExitCode::kSuccess : ExitCode::kFellShort;
+  const ExitCode code = code_of(session);
+  const auto event =
+      record_event(options.take, "capture", options.resume ? "record --resume" : "record",
+                   session.stop_reason, outcome_of(code));
+  if (event && !mirror_folder.empty()) record_made_event(mirror_folder, *event);
+  return code;
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 
 namespace raystage::cli {
@@ -105,8 +106,20 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
     print("The timeline no longer matches and was renamed to {}: run `raystage sync`\n",
           report.renamed_timeline);
   }
-  if (report.failed() || report.status != RunStatus::kFinished) return ExitCode::kFailed;
-  return report.has_losses() ? ExitCode::kSomeFramesFailed : ExitCode::kSuccess;
+  if (report.status != RunStatus::kFinished) return ExitCode::kFailed;
+  const ExitCode code = report.failed()       ? ExitCode::kFailed
+                        : report.has_losses() ? ExitCode::kSomeFramesFailed
+                                              : ExitCode::kSuccess;
+  if (!options.dry_run) {
+    const auto cameras = static_cast<long>(report.cameras.size());
+    const bool is_unchanged = intact == cameras && report.files.empty();
+    record_event(options.take, is_unchanged ? "fixity check" : "modification",
+                 options.copy.empty() ? "repair" : "repair --from another copy",
+                 fmt::format("{} of {} cameras were intact, {} files taken from the copy", intact,
+                             cameras, report.files.size()),
+                 outcome_of(code));
+  }
+  return code;
 }
 
 }  // namespace

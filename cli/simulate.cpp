@@ -12,6 +12,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
 #include "schemas/rig_document.h"
@@ -190,6 +191,8 @@ ExitCode run(Options& o, std::stop_token stop) {
       s, o.output, "raystage " RAYSTAGE_VERSION, [&](double done) { progress.report(done); }, stop);
   print("{}: {} cameras, {} frames, {} missing, {} ground truth views\n", o.output, report.cameras,
         report.frames_stored, report.frames_missing, report.truth_views);
+  record_event(o.output, "creation", "simulate",
+               fmt::format("{} cameras, {} frames", report.cameras, report.frames_stored));
   return ExitCode::kSuccess;
 }
 

@@ -17,6 +17,7 @@
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/shutter_text.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
 #include "schemas/former_names.h"
@@ -212,7 +213,16 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     if (retimed) print_text(*retimed, options.output);
     print_depth_range_hint(options.output.empty() ? options.take : options.output);
   }
-  return retimed && retimed->rotten > 0 ? ExitCode::kFellShort : ExitCode::kSuccess;
+  const ExitCode code = retimed && retimed->rotten > 0 ? ExitCode::kFellShort : ExitCode::kSuccess;
+  if (retimed) {
+    record_event(options.output, "modification", "sync --retime: a new take",
+                 fmt::format("{} frames interpolated, {} unchanged, {} missing",
+                             retimed->interpolated, retimed->unchanged, retimed->missing),
+                 outcome_of(code));
+  } else {
+    record_event(options.take, "metadata modification", "sync: timeline.zst");
+  }
+  return code;
 }
 
 void add_retime_options(CommandLine& command, Options& options) {

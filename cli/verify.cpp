@@ -18,6 +18,7 @@
 #include "cli/command_line_parsing.h"
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "cli/verify_catalogue.h"
 #include "schemas/former_names.h"
 #include "store/fixity/manifest.h"
@@ -241,6 +242,24 @@ Json check_manifest(const Options& options, const store::ManifestOptions& hashin
   return json;
 }
 
+/// Appends what was found, and which manifest was written, to the take's event log.
+void log_verification(const Options& options, const store::TakeFixityReport& report,
+                      ExitCode code) {
+  const auto intact = std::ranges::count_if(report.cameras, [](const auto& camera) {
+    return camera.error.empty() && camera.report.is_intact();
+  });
+  std::string detail = fmt::format("verify --depth {}", options.depth);
+  if (options.decode) detail += " --decode";
+  if (options.manifest == "check") detail += " --manifest check";
+  record_event(options.take, "fixity check", detail,
+               fmt::format("{} of {} cameras intact", intact, report.cameras.size()),
+               outcome_of(code));
+  if (options.manifest == "write" && code == ExitCode::kSuccess) {
+    record_event(options.take, "message digest calculation", "verify --manifest write",
+                 store::kManifestFile);
+  }
+}
+
 ExitCode verify(const Options& options, const std::stop_token& stop) {
   const tbb::global_control threads(
       tbb::global_control::max_allowed_parallelism,
@@ -290,7 +309,9 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
   if (options.manifest == "write" && !is_intact && options.json != "-") {
     print("no manifest was written: it would state that the take is good\n");
   }
-  return is_intact && is_as_listed ? ExitCode::kSuccess : ExitCode::kFailed;
+  const ExitCode code = is_intact && is_as_listed ? ExitCode::kSuccess : ExitCode::kFailed;
+  log_verification(options, report, code);
+  return code;
 }
 
 }  // namespace
@@ -300,8 +321,8 @@ int main(int argc, char** argv) {
   using namespace raystage;
   using namespace raystage::cli;
   CommandLine command(
-      "Checks a take against its recorded hashes. Changes nothing, but --manifest write adds a "
-      "file.\n"
+      "Checks a take against its recorded hashes. Changes nothing but the take's event log; "
+      "--manifest\nwrite adds a file.\n"
       "Exit code 0: intact, 1: damaged, not closed, or not as the manifest states, 2: cannot be "
       "read\nat all.",
       "raystage verify");

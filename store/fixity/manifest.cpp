@@ -11,6 +11,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "store/fixity/event_log.h"
 #include "store/fixity/sha256.h"
 
 namespace raystage::store {
@@ -27,7 +28,8 @@ bool has_control_characters(std::string_view text) {
 }
 
 bool is_listed(const fs::path& relative) {
-  const bool is_own = relative == kManifestFile || relative == kSignatureFile;
+  const bool is_own = relative == kManifestFile || relative == kSignatureFile ||
+                      relative == kEventLogFile;  // which grows after the manifest is made
   const bool is_hidden = std::ranges::any_of(
       relative, [](const fs::path& part) { return part.string().starts_with('.'); });
   return !is_own && !is_hidden && *relative.begin() != "depth";

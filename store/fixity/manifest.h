@@ -39,8 +39,9 @@ std::string manifest_as_text(const Manifest& manifest);
 Manifest parse_manifest(std::string_view text, const std::string& name);
 
 /// Returns the paths of all files of a take, sorted: all regular files below its folder but hidden
-/// ones, the manifest, its signature, and depth/, which is derived. Throws Error (bad input) if
-/// something there is neither folder nor regular file, or if a name holds control characters.
+/// ones, the manifest, its signature, the event log, and depth/, which is derived. Throws Error
+/// (bad input) if something there is neither folder nor regular file, or if a name holds control
+/// characters.
 std::vector<std::string> files_of_take(const std::filesystem::path& folder);
 
 struct ManifestOptions {

@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "base/posix_file.h"
 #include "schemas/take_document.h"
+#include "store/fixity/event_log.h"
 #include "store/fixity/manifest.h"
 
 namespace raystage::store {
@@ -69,19 +70,20 @@ void copy_other_files(const fs::path& from, const fs::path& to, Direction direct
     }
   }
   const fs::path original(kOriginal);
-  std::vector<std::pair<fs::path, fs::path>> manifests;  // source and target
+  std::vector<std::pair<fs::path, fs::path>> unlisted;  // source and target
   // A take that is packed again keeps the manifest of its unpacked form.
   const bool has_original = is_regular({from, original / kManifestFile});
   for (const char* name : {kManifestFile, kSignatureFile}) {
     if (direction == Direction::kPack)
-      manifests.emplace_back(has_original ? original / name : name, original / name);
-    if (direction == Direction::kUnpack) manifests.emplace_back(original / name, name);
+      unlisted.emplace_back(has_original ? original / name : name, original / name);
+    if (direction == Direction::kUnpack) unlisted.emplace_back(original / name, name);
     written.insert((original / name).string());
   }
   for (const std::string& path : files_of_take(from)) {
     if (!written.contains(path)) copy_file({from, path}, to / path);
   }
-  for (const auto& [source, target] : manifests) {
+  unlisted.emplace_back(kEventLogFile, kEventLogFile);  // the history of both forms
+  for (const auto& [source, target] : unlisted) {
     if (is_regular({from, source})) copy_file({from, source}, to / target);
   }
 }

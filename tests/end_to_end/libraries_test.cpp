@@ -33,7 +33,7 @@ TEST_P(LibrariesLoadedBy, NoneOfAnImageStack) {
 
 INSTANTIATE_TEST_SUITE_P(Commands, LibrariesLoadedBy,
                          ::testing::Values("record", "join", "info", "verify", "repair", "pack",
-                                           "unpack"));
+                                           "unpack", "bag"));
 
 }  // namespace
 }  // namespace raystage

@@ -32,6 +32,7 @@ constexpr Command kCommands[] = {
     {"repair", "complete an interrupted recording, repair a damaged take"},
     {"pack", "recompress the frames of a take without loss"},
     {"unpack", "return the take that was packed, bit for bit"},
+    {"bag", "write a take as a bag of BagIt or an OCFL object for an archive, check bags"},
     {"proxy", "write the scene of a take as points or a mesh for other programs"},
     {"prepare", "derive and store the camera depths that a shot needs"},
     {"render", "render a shot as an EXR sequence"},

@@ -31,6 +31,9 @@ echo "$pages commands have their man pages; all libraries are found"
 raystage simulate -o take --rows 3 --columns 3 --seconds 2 --shot-frames 2 --width 160 --height 120 -q
 raystage sync take -q
 raystage verify take -q >/dev/null
+raystage bag take -o bag -q >/dev/null
+raystage bag --check checksums bag -q >/dev/null
+[ -s bag/representation/formats/archive.md ] && [ -s bag/representation/reader/read_take.py ] || fail "the bag lacks descriptions"
 raystage render take/shot.json -o frames/shot.####.exr -q
 raystage preview frames/shot.####.exr -o preview.mp4 --contact-sheet sheet.png -q >/dev/null
 [ -s preview.mp4 ] && [ -s sheet.png ] || fail "no preview"

@@ -15,4 +15,7 @@ std::string format_lens(const CameraLens& lens);
 /// Returns the same of all cameras as JSON.
 std::string lens_report_json(std::span<const CameraLens> lenses);
 
+/// Returns the same as a self-contained HTML page. `file`: of the lenses, for its subtitle.
+std::string lens_report_html(std::span<const CameraLens> lenses, const std::string& file);
+
 }  // namespace raystage::calibrate

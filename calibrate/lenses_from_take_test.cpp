@@ -4,7 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "base/error.h"
 #include "calibrate/lens_report.h"
@@ -15,6 +17,7 @@ namespace raystage::calibrate::lenses_from_take_test {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 Board chessboard() {
   Board board;
@@ -128,6 +131,33 @@ TEST(LensesFromTake, BecomeARigWithoutPosesAndLinesOfText) {
   EXPECT_EQ(document.cameras[1].geometry.intrinsics.fy, 621);
   EXPECT_THAT(format_lens(bad), AllOf(HasSubstr("Camera     b: 0.200 px RMS"),
                                       HasSubstr("Rejected   too few tilts")));
+}
+
+TEST(LensesFromTake, BecomeAPage) {
+  CameraLens lens{"a<b", 640, 480, {}};
+  lens.calibration.lens = {620, 621, 322, 238, {}};
+  lens.calibration.deviations[0] = 0.5;
+  lens.calibration.rms_px = 0.2;
+  lens.calibration.image_coverage = 0.75;
+  CameraLens compared = lens;
+  compared.id = "c";
+  compared.calibration.reasons = {"too few tilts"};
+  compared.calibration.rms_px = NAN;
+  LensModelComparison& models = compared.comparison.emplace();
+  models.fits.resize(2);
+  models.fits[0].held_out_rms_px = 0.31;
+  models.fits[1].projection = schemas::Projection::kFisheye;
+  models.fits[1].failure = "no pose";
+  const std::vector<CameraLens> lenses{lens, compared};
+  const std::string page = lens_report_html(lenses, "lens.json");
+  EXPECT_THAT(page, HasSubstr("1 of 2 lenses are rejected."));
+  EXPECT_THAT(page, HasSubstr("c: too few tilts"));
+  EXPECT_THAT(page, HasSubstr("a&lt;b"));
+  EXPECT_THAT(page, Not(HasSubstr("a<b")));
+  EXPECT_THAT(page, HasSubstr("fx 620 &plusmn; 0.5"));
+  EXPECT_THAT(page, HasSubstr("<td>0.310</td>"));
+  EXPECT_THAT(page, HasSubstr("does not fit: no pose"));
+  EXPECT_THAT(lens_report_html({&lens, 1}, "lens.json"), HasSubstr("All lenses are accepted."));
 }
 
 }  // namespace

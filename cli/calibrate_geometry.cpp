@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "calibrate/array_lens_models.h"
 #include "calibrate/geometry/calibration.h"
 #include "calibrate/geometry/calibration_report.h"
 #include "calibrate/geometry_from_take.h"
@@ -120,19 +121,53 @@ calibrate::Detections table_of(const GeometryOptions& options) {
 struct GeometryResult {
   calibrate::CalibrationOptions settings;
   calibrate::Calibration calibration;
+  std::optional<calibrate::ArrayLensModelComparison> models = {};
 };
+
+/// Gives the settings the best lens model, if models are to be compared. `compare`: returns the
+/// comparison.
+template <class Compare>
+std::optional<calibrate::ArrayLensModelComparison> choose_lens_model(
+    const GeometryOptions& options, std::size_t cameras, calibrate::CalibrationOptions& settings,
+    const Compare& compare) {
+  if (!options.lens_model.choice.compares) return std::nullopt;
+  settings.solve.lens_models.resize(cameras);
+  if (options.lens_model.half_angle_deg) {
+    for (calibrate::LensModel& model : settings.solve.lens_models) {
+      model.half_angle = *options.lens_model.half_angle_deg * std::numbers::pi / 180;
+    }
+  }
+  calibrate::ArrayLensModelComparison found = compare();
+  if (!options.json) print("{}", calibrate::format_array_lens_models(found));
+  settings =
+      calibrate::with_lens_model(std::move(settings), cameras, found.fits[found.best].projection);
+  return found;
+}
 
 GeometryResult calibrate_tracks(const calibrate::RecordedTracks& tracks,
                                 calibrate::TrackCalibrationOptions settings,
                                 const GeometryOptions& options) {
   settings.estimates_clock_offsets = !options.trust_clocks;
   settings.estimates_line_times = !options.keep_line_times;
+  std::optional<calibrate::ArrayLensModelComparison> models =
+      choose_lens_model(options, tracks.cameras.size(), settings.calibration,
+                        [&] { return calibrate::compare_track_lens_models(tracks, settings); });
   const calibrate::TrackCalibration found = calibrate::calibrate_from_tracks(tracks, settings);
   if (!options.detections.empty()) write_tracked(found.points.detections, options.detections);
   if (!options.json && settings.estimates_clock_offsets) {
     print("{}", calibrate::format_clock_offsets(found, tracks.cameras));
   }
-  return {settings.calibration, found.calibration};
+  return {settings.calibration, found.calibration, std::move(models)};
+}
+
+GeometryResult calibrate_detections(const calibrate::Detections& detections,
+                                    calibrate::CalibrationOptions settings,
+                                    const GeometryOptions& options) {
+  std::optional<calibrate::ArrayLensModelComparison> models =
+      choose_lens_model(options, detections.cameras.size(), settings,
+                        [&] { return calibrate::compare_array_lens_models(detections, settings); });
+  calibrate::Calibration calibration = calibrate::calibrate(detections, settings);
+  return {std::move(settings), std::move(calibration), std::move(models)};
 }
 
 GeometryResult calibrate_with_light(const GeometryOptions& options, const std::stop_token& stop) {
@@ -166,7 +201,7 @@ GeometryResult calibrate_with_board(const GeometryOptions& options, const std::s
 GeometryResult calibrate_with_features(const GeometryOptions& options,
                                        const std::stop_token& stop) {
   const store::Take take(options.input);
-  const calibrate::CalibrationOptions settings = calibration_options(
+  calibrate::CalibrationOptions settings = calibration_options(
       options, calibrate::detection_cameras(take), calibrate::recorded_lens_models(take), stop);
   calibrate::FeatureMatchingOptions features;
   features.lenses = calibrate::known_lenses(settings, calibrate::detection_cameras(take));
@@ -177,14 +212,13 @@ GeometryResult calibrate_with_features(const GeometryOptions& options,
   const calibrate::Detections detections = calibrate::match_scene_features(
       take, time, features, [&](double done) { progress.report(done); }, stop);
   if (!options.detections.empty()) write_tracked(detections, options.detections);
-  return {settings, calibrate::calibrate(detections, settings)};
+  return calibrate_detections(detections, std::move(settings), options);
 }
 
 GeometryResult calibrate_table(const GeometryOptions& options, const std::stop_token& stop) {
   const calibrate::Detections detections = table_of(options);
-  const calibrate::CalibrationOptions settings =
-      calibration_options(options, detections.cameras, {}, stop);
-  return {settings, calibrate::calibrate(detections, settings)};
+  return calibrate_detections(detections,
+                              calibration_options(options, detections.cameras, {}, stop), options);
 }
 
 ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_token& stop) {
@@ -202,12 +236,17 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
     throw Error::bad_input("--features needs a take, and excludes --board", "--features",
                            "Use a take of a scene that does not move, without --board");
   }
-  const auto [settings, calibration] = options.features ? calibrate_with_features(options, stop)
-                                       : has_board      ? calibrate_with_board(options, stop)
-                                       : is_take        ? calibrate_with_light(options, stop)
-                                                        : calibrate_table(options, stop);
-  print("{}", options.json ? calibrate::calibration_report_json(calibration)
-                           : calibrate::format_calibration_report(calibration));
+  const auto [settings, calibration, models] = options.features
+                                                   ? calibrate_with_features(options, stop)
+                                               : has_board ? calibrate_with_board(options, stop)
+                                               : is_take   ? calibrate_with_light(options, stop)
+                                                           : calibrate_table(options, stop);
+  if (options.json) {
+    const std::string report = calibrate::calibration_report_json(calibration);
+    print("{}", models ? calibrate::with_lens_models_json(report, *models) : report);
+  } else {
+    print("{}", calibrate::format_calibration_report(calibration));
+  }
   if (!options.report.empty()) {
     write_file_atomically(options.report,
                           calibrate::calibration_report_html(calibration, options.output.string()));
@@ -306,8 +345,10 @@ void add_features(CommandLine command, GeometryOptions& o) {
 }
 
 void add_model(CommandLine command, GeometryOptions& o) {
-  add_lens_model_options(command, o.lens_model, false,
-                         " (default: that of the take's rig, of a table pinhole)")
+  add_lens_model_options(
+      command, o.lens_model, true,
+      "; auto compares them and uses the one with the least error at points that were held out "
+      "(default: that of the take's rig, of a table pinhole)")
       .excludes("--lens")
       .excludes("--initial-rig");
   command.flag("--lens-per-camera", o.lens_per_camera,

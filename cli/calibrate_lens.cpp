@@ -22,7 +22,7 @@ namespace raystage::cli {
 namespace {
 
 struct LensOptions {
-  std::filesystem::path take, output;
+  std::filesystem::path take, output, report;
   BoardOptions board;
   LensModelOption lens_model;
   calibrate::LensesFromTakeOptions settings;
@@ -33,6 +33,7 @@ struct LensOptions {
 ExitCode run_calibrate_lens(const LensOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
   check_writable(options.output);
+  if (!options.report.empty()) check_writable(options.report);
   const calibrate::BoardDetector detector(make_board(options.board, false));
   Progress progress(!options.quiet);
   const std::vector<calibrate::CameraLens> lenses = calibrate::calibrate_lenses(
@@ -41,6 +42,10 @@ ExitCode run_calibrate_lens(const LensOptions& options, const std::stop_token& s
   if (options.json) print("{}", calibrate::lens_report_json(lenses));
   for (const calibrate::CameraLens& lens : lenses) {
     if (!options.json) print("{}", calibrate::format_lens(lens));
+  }
+  if (!options.report.empty()) {
+    write_file_atomically(options.report,
+                          calibrate::lens_report_html(lenses, options.output.string()));
   }
   if (!calibrate::are_accepted(lenses) && !options.force) {
     throw Error::failed("the lens was not written: the calibration was rejected",
@@ -80,6 +85,7 @@ Subcommand declare_calibrate_lens(CommandLine& calibrate) {
       .show_default()
       .limits(3, 10000);
   command.flag("--force", o->force, "Write the lens even if the calibration is rejected");
+  command.option("--report FILE.html", o->report, "Write an HTML page with charts of the results");
   command.flag("--json", o->json, "Print the results as JSON");
   add_threads_option(command, o->threads);
   add_follow_links_option(command);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <set>
 #include <utility>
 
 #include "base/error.h"
@@ -20,6 +21,50 @@ std::pair<std::string, std::string> split(const std::string& names) {
   const std::size_t space = names.find(' ');
   if (space == std::string::npos) return {names, ""};
   return {names.substr(0, space), names.substr(space + 1)};
+}
+
+/// The command itself, which knows which options of its subcommands are lists of numbers.
+struct RootApp : CLI::App {
+  using CLI::App::App;
+  std::set<const CLI::Option*> number_lists;
+};
+
+RootApp& root_of(CLI::App& app) {
+  CLI::App* root = &app;
+  while (root->get_parent() != nullptr) root = root->get_parent();
+  return static_cast<RootApp&>(*root);
+}
+
+bool is_number(const std::string& text) {
+  char* end = nullptr;
+  std::strtod(text.c_str(), &end);
+  return end != text.c_str() && *end == '\0';
+}
+
+/// Gives lists of numbers the numbers that follow them: "--shares 100 99 RIG" becomes "--shares=100
+/// --shares=99 RIG". By itself CLI11 would take all arguments up to the next option.
+std::vector<std::string> with_divided_lists(RootApp& root, std::vector<std::string> arguments) {
+  std::vector<std::string> divided;
+  CLI::App* app = &root;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& argument = arguments[i];
+    const auto given = app->get_subcommands(
+        [&](const CLI::App* subcommand) { return subcommand->get_name() == argument; });
+    if (!given.empty()) app = given.front();
+    CLI::Option* option = argument.starts_with('-') ? app->get_option_no_throw(argument) : nullptr;
+    const bool is_list = option != nullptr && root.number_lists.contains(option) &&
+                         option->get_items_expected_max() >= CLI::detail::expected_max_vector_size;
+    if (!is_list || i + 1 == arguments.size() || !is_number(arguments[i + 1])) {
+      divided.push_back(argument);
+      continue;
+    }
+    option->allow_extra_args(false);
+    while (i + 1 < arguments.size() && is_number(arguments[i + 1])) {
+      divided.push_back(argument);
+      divided.push_back(arguments[++i]);
+    }
+  }
+  return divided;
 }
 
 /// Throws for "nan" and "inf", which CLI11's ranges accept.
@@ -92,7 +137,7 @@ Option Option::show_default() { return Option(option_->capture_default_str()); }
 Option Option::help_text(const std::string& text) { return Option(option_->option_text(text)); }
 
 CommandLine::CommandLine(const std::string& description, const std::string& name)
-    : app_(std::make_shared<CLI::App>(description, name)) {
+    : app_(std::make_shared<RootApp>(description, name)) {
   app_->get_formatter()->column_width(kHelpColumn);
 }
 
@@ -105,7 +150,13 @@ Option CommandLine::finish(CLI::Option* option, const std::string& placeholder) 
 Option CommandLine::add(const std::string& names, Target target, const std::string& help) {
   const auto [all, placeholder] = split(names);
   const auto add_to = [&, &option_names = all](auto* value) {
-    return app_->add_option(option_names, *value, help);
+    CLI::Option* option = app_->add_option(option_names, *value, help);
+    using Value = std::remove_pointer_t<decltype(value)>;
+    if constexpr (std::is_same_v<Value, std::vector<double>> ||
+                  std::is_same_v<Value, std::vector<int>>) {
+      root_of(*app_).number_lists.insert(option);
+    }
+    return option;
   };
   return finish(std::visit(add_to, target), placeholder);
 }
@@ -166,6 +217,7 @@ bool CommandLine::is_given() const { return app_->parsed(); }
 std::optional<int> CommandLine::parse(std::vector<std::string> arguments) {
   app_->set_version_flag("--version", version_text, "Print version, kernels and libraries");
   try {
+    arguments = with_divided_lists(root_of(*app_), std::move(arguments));
     std::ranges::reverse(arguments);  // CLI11 takes the last one first
     app_->parse(std::move(arguments));
     reject_non_finite(*app_);

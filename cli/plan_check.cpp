@@ -40,7 +40,7 @@ struct CheckCommand {
   compose::MissingFrames missing = compose::MissingFrames::kError;
   double least_coverage = 0, least_resolution = 0;  ///< shares
   int threads = 0;
-  bool json = false;
+  bool json = false, quiet = false;
   bool is_milo = false;           // the limits of a known rig
   planning::MotionLimits limits;  // in place of those
   double turn_speed_deg = kNoLimit;
@@ -87,11 +87,13 @@ void check_target(const std::filesystem::path& target, const std::filesystem::pa
 void write_nearest_path(const CheckCommand& command, schemas::ShotDocument shot,
                         const compose::ShotPlan& plan, const std::stop_token& stop) {
   planning::NearestPath path = planning::find_nearest_path(plan, command.shot.string(), stop);
+  if (command.quiet) path.ignored_takes.clear();
   for (const std::string& ignored : path.ignored_takes) {
     print_error("warning: the range of motion of a take is not known, {}\n", ignored);
   }
   shot.camera = std::move(path.shot.camera);  // the plan hides layers without a take
   write_file_atomically(command.nearest_path, schemas::format_shot(shot));
+  if (command.quiet) return;
   const std::string file = command.nearest_path.string();
   if (path.largest_shift == 0) {
     print_error("{}: no shift of the camera is needed\n", file);
@@ -112,8 +114,10 @@ ExitCode run_check(const CheckCommand& command, const std::stop_token& stop) {
   const schemas::ShotDocument shot = schemas::read_shot(command.shot);
   options.draft.layers = light_field_layers(shot);
   const compose::ShotPlan plan(shot, command.shot, options);
-  const std::vector<int> numbers = compose::frames_to_render(
-      plan.shot(), requested, [](std::string_view warning) { print_error("{}\n", warning); });
+  const std::vector<int> numbers =
+      compose::frames_to_render(plan.shot(), requested, [&](std::string_view warning) {
+        if (!command.quiet) print_error("{}\n", warning);
+      });
   const auto frames = plan.plan(numbers, command.missing);
   planning::ShotCheckOptions checked;
   checked.motion_limits = motion_limits_of(command);
@@ -177,6 +181,8 @@ Subcommand declare_plan_check(CommandLine& plan) {
   command.flag("--json", options->json, "print the result as JSON");
   add_threads_option(command, options->threads);
   add_follow_links_option(command);
+  command.flag("-q,--quiet", options->quiet,
+               "No notes on stderr: about --nearest-path, and frames that are left out");
   return {command, [options](const std::stop_token& stop) {
             return run_with_threads(options->threads, [&] { return run_check(*options, stop); });
           }};

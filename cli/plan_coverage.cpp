@@ -20,6 +20,7 @@
 #include "planning/combined_coverage.h"
 #include "planning/coverage_plan.h"
 #include "planning/coverage_report.h"
+#include "planning/outward_coverage.h"
 
 namespace raystage::cli {
 namespace {
@@ -71,7 +72,7 @@ ExitCode run_coverage(const CoverageCommand& command, const std::stop_token& sto
   Progress progress(command.progress);
   const auto report_progress = [&](double done) { progress.report(done); };
   const planning::CoveragePlan plan =
-      arrays.size() == 1 && !options.all_directions
+      arrays.size() == 1 && (!options.all_directions || planning::is_outward_array(arrays[0].rig))
           ? planning::plan_coverage(all.name, arrays[0].rig, options, report_progress, stop)
           : planning::plan_combined_coverage(all.name, arrays, options, report_progress, stop);
   if (!command.report.empty()) {

@@ -17,7 +17,7 @@ namespace {
 struct ResolutionCommand {
   std::filesystem::path rig, report;
   planning::ResolutionOptions options;
-  bool json = false;
+  bool json = false, quiet = false;
 };
 
 ExitCode run_plan(const ResolutionCommand& command) {
@@ -60,6 +60,8 @@ Subcommand declare_plan_resolution(CommandLine& plan) {
   command.option("--report FILE.html", options->report, "write the result as a page with charts");
   command.flag("--json", options->json, "print the result as JSON");
   add_follow_links_option(command);
+  command.flag("-q,--quiet", options->quiet,
+               "No effect: accepted as by other commands, which report their progress");
   return {command, [options](const std::stop_token&) { return run_plan(*options); }};
 }
 

@@ -18,6 +18,7 @@
 #include "base/error.h"
 #include "planning/complete_topology.h"
 #include "planning/coverage_views.h"
+#include "planning/outward_coverage.h"
 #include "rig/planning/combined_arrays.h"
 
 namespace raystage::planning {
@@ -75,6 +76,10 @@ std::vector<Eigen::Vector2d> outer_outline(std::vector<Eigen::Vector2d> points) 
 }
 
 PlannedArray planned_array(const NamedRig& named) {
+  if (is_outward_array(named.rig)) {
+    throw Error::bad_input("its cameras look outwards, and such an array is planned alone",
+                           named.name, "Give this rig without others");
+  }
   std::string reason;
   std::optional<rig::RecordedArray> recorded = rig::recorded_array(named.rig, &reason);
   if (!recorded || recorded->array.hull.size() < 3) {
@@ -307,6 +312,11 @@ bool have_same_cameras(const rig::Rig& a, const rig::Rig& b) {
 }
 
 std::vector<NamedRig> split_by_direction(const NamedRig& named) {
+  if (is_outward_array(named.rig)) return {named};
+  return split_into_sides(named);
+}
+
+std::vector<NamedRig> split_into_sides(const NamedRig& named) {
   constexpr double kOneArray = 80 * kRadiansPerDegree, kOneSide = 40 * kRadiansPerDegree;
   const Vector3d mean = named.rig.mean_viewing_direction();
   const bool is_one = std::ranges::all_of(named.rig.cameras, [&](const rig::Rig::Camera& camera) {

@@ -13,8 +13,11 @@
 namespace raystage::planning {
 
 /// Returns the rigs of the cameras that face alike: those of one side of a box each. A rig whose
-/// cameras are all turned by less than 80 degrees from their mean direction is one array.
+/// cameras are all turned by less than 80 degrees from their mean direction is one array, and so is
+/// one that looks outwards (is_outward_array()).
 std::vector<NamedRig> split_by_direction(const NamedRig& rig);
+/// Returns the same, but divides arrays that look outwards, too.
+std::vector<NamedRig> split_into_sides(const NamedRig& rig);
 
 /// Returns whether two rigs have cameras at the same places with the same directions: one array.
 bool have_same_cameras(const rig::Rig& a, const rig::Rig& b);
@@ -25,8 +28,8 @@ bool have_same_cameras(const rig::Rig& a, const rig::Rig& b);
 /// of half their field of view, 0.5 to 5 degrees. The range is measured around the position nearest
 /// to the middle that is found: of a grid that is twice as large as the arrays, and in the range of
 /// each array. Throws Error (bad input) for invalid options, more than 64 arrays, and arrays whose
-/// cameras are on a line or see no directions in common; Error (failed) if stopped. `progress`:
-/// called with the share of the ranges that are done.
+/// cameras are on a line, look outwards or see no directions in common; Error (failed) if stopped.
+/// `progress`: called with the share of the ranges that are done.
 CoveragePlan plan_combined_coverage(const std::string& name, std::span<const NamedRig> arrays,
                                     const CoverageOptions& options,
                                     const std::function<void(double)>& progress = {},

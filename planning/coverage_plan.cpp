@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "planning/complete_topology.h"
 #include "planning/coverage_views.h"
+#include "planning/outward_coverage.h"
 #include "planning/recorded_rays.h"
 #include "rig/planning/range_of_motion.h"
 #include "rig/planning/wall_eyed_array.h"
@@ -268,6 +269,7 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
   if (rig.cameras.empty()) {
     throw Error::bad_input("the rig has no cameras", name, "Give a rig with cameras");
   }
+  if (is_outward_array(rig)) return plan_outward_coverage(name, rig, options, progress, stop);
   if (options.subject && !(options.subject->depth_m > options.subject->size_m / 2)) {
     throw Error::bad_input("the subject must be in front of the array", name,
                            "Give a larger depth");
@@ -299,6 +301,7 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
 
 CoveragePlan plan_subject_coverage(const std::string& name, const rig::Rig& rig,
                                    const Vector3d& point, double size) {
+  if (is_outward_array(rig)) return plan_outward_subject_coverage(name, rig, point, size);
   CoveragePlan plan;
   const CoveragePlanner planner(rig, plan.options);
   plan.name = name;

@@ -87,16 +87,18 @@ struct CoverageSubjectView {
 struct CoveragePlan {
   std::string name;  ///< of the rig
   CoverageOptions options;
-  rig::Pose array;                                  ///< of its frame in the world
-  std::vector<Eigen::Vector3d> cameras;             ///< centres in the array's frame
-  std::vector<CoverageVolume> volumes;              ///< by field of view, then by share
-  std::vector<CoverageArray> arrays;                ///< empty for a single one
+  bool looks_around = false;             ///< an array that looks outwards: see outward_coverage.h
+  rig::Pose array;                       ///< of its frame in the world
+  std::vector<Eigen::Vector3d> cameras;  ///< centres in the array's frame
+  std::vector<CoverageVolume> volumes;   ///< by field of view, then by share
+  std::vector<CoverageArray> arrays;     ///< empty for a single one
   std::optional<CoverageSubjectView> subject_view;  ///< of several arrays
 };
 
 /// Computes the ranges. Those of ideal arrays for all rays are exact; others are measured by the
-/// rays that the cameras' frusta contain, with lens distortion. Throws Error (bad input) for
-/// invalid options or a rig without cameras, and Error (failed) if stopped.
+/// rays that the cameras' frusta contain, with lens distortion. Arrays that look outwards are
+/// planned by plan_outward_coverage(). Throws Error (bad input) for invalid options, a rig without
+/// cameras, or views of all directions of another array, and Error (failed) if stopped.
 /// `progress`: called with the share of the ranges that are done.
 CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
                            const CoverageOptions& options,

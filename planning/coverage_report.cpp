@@ -24,8 +24,16 @@ constexpr double kMillimetres = 1000;
 
 ordered_json json_of(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-std::string views_text(const CoverageOptions& options) {
-  if (options.all_directions) return "Views of all directions; rays as far as the horizon.";
+std::string views_text(const CoveragePlan& plan) {
+  const CoverageOptions& options = plan.options;
+  const std::string rays =
+      std::isinf(options.focal_depth_m) ? std::string("; rays as far as the horizon.")
+      : plan.looks_around
+          ? fmt::format("; rays to a focal surface {:.4g} m from the array's middle.",
+                        options.focal_depth_m)
+          : fmt::format("; rays to a focal plane {:.4g} m in front of the array.",
+                        options.focal_depth_m);
+  if (options.all_directions) return "Views of all directions" + rays;
   std::string text = fmt::format("Views of width / height {:.3g}", options.aspect);
   if (options.yaw_deg != 0 || options.pitch_deg != 0) {
     text += fmt::format(", turned by {:.4g} deg to the left and {:.4g} deg upwards",
@@ -37,13 +45,10 @@ std::string views_text(const CoverageOptions& options) {
   if (options.interaxial_m > 0) {
     text += fmt::format(", for two eyes {:.1f} mm apart", kMillimetres * options.interaxial_m);
   }
-  return text + (std::isinf(options.focal_depth_m)
-                     ? std::string("; rays as far as the horizon.")
-                     : fmt::format("; rays to a focal plane {:.4g} m in front of the array.",
-                                   options.focal_depth_m));
+  return text + rays;
 }
 
-std::string size_text(const CoverageVolume& volume) {
+std::string size_text(const CoverageVolume& volume, bool looks_around) {
   if (volume.surface.vertices.empty()) return volume.empty_because;
   const Eigen::Vector3d extent = volume.extent();
   std::string text =
@@ -51,7 +56,8 @@ std::string size_text(const CoverageVolume& volume) {
                   volume.surface.volume(),
                   volume.is_in_parts ? " (one part: there are positions apart from it)" : "");
   if (volume.cut_off_m) {
-    text += fmt::format(", cut off {:.3f} m behind the array, where it goes on", *volume.cut_off_m);
+    text += fmt::format(", cut off {:.3f} m {} the array, where it goes on", *volume.cut_off_m,
+                        looks_around ? "from the middle of" : "behind");
   }
   return text;
 }
@@ -74,6 +80,13 @@ std::string accuracy_text(const CoverageVolume& volume, const CoverageOptions& o
 /// Describes several arrays, a line each, and from where they see the subject.
 std::string arrays_text(const CoveragePlan& plan) {
   std::string text;
+  if (plan.looks_around) {
+    const Eigen::Vector3d ahead = -plan.array.world_from_camera_rotation.col(2);
+    text += fmt::format(
+        "The cameras look around. Positions and views are relative to their middle; views that do "
+        "not turn look along ({:.3f}, {:.3f}, {:.3f}) of the world.\n",
+        ahead.x(), ahead.y(), ahead.z());
+  }
   for (const CoverageArray& array : plan.arrays) {
     text += fmt::format("{}: {} cameras, {:.3f} x {:.3f} m, {:.1f} x {:.1f} deg{}\n", array.name,
                         array.cameras, array.size_m.x(), array.size_m.y(), array.fov_deg.x(),
@@ -190,11 +203,13 @@ std::string drawings_of(const CoveragePlan& plan) {
                         away = Eigen::Vector3d(-0.5, -0.35, 0.67).normalized(),
                         up = away.cross(right).normalized() * -1;
   std::vector<Drawing> drawings;
-  drawings.emplace_back("Plan: the array looks up",
+  const bool around = plan.looks_around;
+  drawings.emplace_back(around ? "Plan: views look up" : "Plan: the array looks up",
                         [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.x(), -p.z()); });
-  drawings.emplace_back("Elevation: the array looks to the left",
-                        [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.z(), p.y()); });
-  drawings.emplace_back("From behind the array",
+  drawings.emplace_back(
+      around ? "Elevation: views look to the left" : "Elevation: the array looks to the left",
+      [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.z(), p.y()); });
+  drawings.emplace_back(around ? "From behind" : "From behind the array",
                         [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.x(), p.y()); });
   drawings.emplace_back("Seen from the left and above", [right, up](const Eigen::Vector3d& p) {
     return Eigen::Vector2d(p.dot(right), p.dot(up));
@@ -229,7 +244,8 @@ std::string table_of(const CoveragePlan& plan) {
         "<td>{}</td><td>{}</td></tr>\n",
         color % 4, volume.share == 1 ? "whole" : "part",
         fov_text(volume, plan.options.all_directions), fmt::format("{:.4g} %", 100 * volume.share),
-        charts::escape_html(size_text(volume)), accuracy_text(volume, plan.options));
+        charts::escape_html(size_text(volume, plan.looks_around)),
+        accuracy_text(volume, plan.options));
   }
   return table + "</tbody></table>\n";
 }
@@ -261,13 +277,14 @@ std::string name_of(const CoverageVolume& volume) {
 std::string format_coverage_plan(const CoveragePlan& plan) {
   std::string text =
       fmt::format("{}: {} camera{}\n{}\n{}\n", plan.name, plan.cameras.size(),
-                  plan.cameras.size() == 1 ? "" : "s", views_text(plan.options), arrays_text(plan));
+                  plan.cameras.size() == 1 ? "" : "s", views_text(plan), arrays_text(plan));
   text += "field of view     rays  range of motion: width x height x depth, volume\n";
   for (const CoverageVolume& volume : plan.volumes) {
     const std::string views = fov_text(volume, plan.options.all_directions);
     text += volume.is_of_subject ? fmt::format("{:>22}  ", views)
                                  : fmt::format("{:>13} {:>6.4g} %  ", views, 100 * volume.share);
-    text += fmt::format("{}{}{}\n", size_text(volume), volume.surface.vertices.empty() ? "" : ", ",
+    text += fmt::format("{}{}{}\n", size_text(volume, plan.looks_around),
+                        volume.surface.vertices.empty() ? "" : ", ",
                         accuracy_text(volume, plan.options));
   }
   return text;
@@ -307,6 +324,11 @@ std::string coverage_plan_as_json(const CoveragePlan& plan) {
                                                              : ordered_json(nullptr)},
       {"all_directions", options.all_directions},
       {"volumes", volumes}};
+  if (plan.looks_around) {
+    const rig::Pose& pose = plan.array;
+    json["looks_around"] = {{"middle_m", json_of(pose.position)},
+                            {"ahead", json_of(-pose.world_from_camera_rotation.col(2))}};
+  }
   if (!plan.arrays.empty()) {
     json["arrays_hide_each_other"] = options.arrays_hide_each_other;
     for (const CoverageArray& array : plan.arrays) {
@@ -328,7 +350,7 @@ std::string coverage_plan_as_page(const CoveragePlan& plan) {
   return charts::html_page(
       "Range of motion: " + plan.name, fmt::format("{} cameras", plan.cameras.size()),
       charts::html_section("Where the virtual camera may stand",
-                           charts::escape_html(views_text(plan.options)),
+                           charts::escape_html(views_text(plan)),
                            paragraphs(arrays_text(plan)) + drawings_of(plan) + table_of(plan)),
       kCoveragePageStyle);
 }

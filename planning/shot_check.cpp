@@ -7,19 +7,24 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <utility>
 
 #include "base/error.h"
 #include "base/parallel.h"
 #include "compose/sequence_memory_plan.h"
 #include "planning/complete_topology.h"
+#include "planning/outward_coverage.h"
+#include "planning/recorded_directions.h"
 #include "planning/recorded_rays.h"
 #include "planning/view_sampling.h"
+#include "render/common/plane_projection.h"
 #include "rig/planning/range_of_motion.h"
 #include "rig/planning/wall_eyed_array.h"
 #include "rig/plenoptic_sampling.h"
@@ -57,6 +62,26 @@ render::VirtualCamera narrowed(render::VirtualCamera view, double factor) {
   return view;
 }
 
+/// Returns perspective views that look from an equirectangular one to all sides, as small as four
+/// of its pixels at the horizon.
+std::vector<render::VirtualCamera> views_to_all_sides(const render::VirtualCamera& around) {
+  std::vector<render::VirtualCamera> views;
+  constexpr double kStep = std::numbers::pi / 4;
+  for (int row = -1; row <= 1; ++row) {
+    for (int column = 0; column < 8; ++column) {
+      render::VirtualCamera view = render::virtual_camera_with_fov(
+          2, 2, 2 * std::atan(2 * std::numbers::pi / around.width), around.pose);
+      view.pose.world_from_camera_rotation =
+          around.pose.world_from_camera_rotation *
+          (Eigen::AngleAxisd(column * kStep, Eigen::Vector3d::UnitY()) *
+           Eigen::AngleAxisd(row * kStep, Eigen::Vector3d::UnitX()))
+              .toRotationMatrix();
+      views.push_back(view);
+    }
+  }
+  return views;
+}
+
 class LayerChecker {
  public:
   LayerChecker(const compose::ShotPlan& plan, const compose::LightFieldLayer& light_field)
@@ -74,7 +99,13 @@ class LayerChecker {
     check_.eyes = static_cast<int>(plan.eyes().size());
     complete_ = complete_topology(rig_);
     check_.spacing = rig::max_neighbour_baseline(rig_, complete_);
-    if (auto recorded = rig::recorded_array(rig_, &check_.no_range_because)) {
+    check_.sees_all_directions = plan.shot_camera().is_equirectangular();
+    if (is_outward_array(rig_)) {
+      check_.no_range_because =
+          "its cameras look outwards (raystage plan coverage measures their range)";
+    } else if (check_.sees_all_directions) {
+      check_.no_range_because = "the shot's camera sees all directions";
+    } else if (auto recorded = rig::recorded_array(rig_, &check_.no_range_because)) {
       array_ = std::move(recorded->array);
       check_.is_range_exact = recorded->is_ideal;
       check_.no_range_because.clear();
@@ -92,7 +123,8 @@ class LayerChecker {
       if (!stop.stop_requested()) check_.frames[i] = check_frame(shown[i]);
     });
     throw_if_stopped(stop);
-    if (options.finds_field_of_view) check_.field_of_view_factor = find_field_of_view(shown, stop);
+    if (options.finds_field_of_view && !check_.sees_all_directions)
+      check_.field_of_view_factor = find_field_of_view(shown, stop);
     return std::move(check_);
   }
 
@@ -155,11 +187,14 @@ class LayerChecker {
     }
     if (middle.topology == nullptr) return result;
     const render::VirtualCamera& first = middle.eyes.front().view;
-    result.horizontal_fov = 2 * std::atan(first.width / 2.0 / first.intrinsics.fx);
+    result.horizontal_fov = first.is_equirectangular
+                                ? 2 * std::numbers::pi
+                                : 2 * std::atan(first.width / 2.0 / first.intrinsics.fx);
     for (const EyeView& eye : middle.eyes) {
       take_less(result.boundary_distance, boundary_distance(eye.view));
-      const auto ratio = least_source_pixels_per_pixel(eye.view, rig_, *middle.topology, eye.plane);
-      if (ratio) take_less(result.resolution, std::min(1.0, *ratio));
+      if (const auto ratio = source_pixels(eye, *middle.topology)) {
+        take_less(result.resolution, std::min(1.0, *ratio));
+      }
       if (!check_.depth_range) continue;
       take_more(result.near_ghosting, ghosting(eye, check_.depth_range->near));
       take_more(result.far_ghosting, ghosting(eye, check_.depth_range->far));
@@ -167,9 +202,35 @@ class LayerChecker {
     return result;
   }
 
+  /// Returns the radius of the sphere in focus of a view of all directions, metres.
+  double focal_radius(const Eigen::Vector4d& plane) const {
+    if (plane.head<3>().isZero(0)) return std::numeric_limits<double>::infinity();
+    return std::abs(render::signed_plane_distance(plane, rig_.centre()));
+  }
+
+  /// Returns the least number of the cameras' pixels for a pixel of the view.
+  std::optional<double> source_pixels(const EyeView& eye, const rig::Topology& topology) const {
+    if (!eye.view.is_equirectangular) {
+      return least_source_pixels_per_pixel(eye.view, rig_, topology, eye.plane);
+    }
+    std::optional<double> least;
+    const double radius = focal_radius(eye.plane);
+    for (const render::VirtualCamera& view : views_to_all_sides(eye.view)) {
+      const Eigen::Vector4d plane =
+          rig::fronto_parallel_plane(rig_, radius, view.pose.viewing_direction());
+      take_less(least, least_source_pixels_per_pixel(view, rig_, topology, plane));
+    }
+    return least;
+  }
+
   /// Returns the share of a view's rays that the layer's method lacks.
   double missing_share(const render::VirtualCamera& view, const Eigen::Vector4d& plane,
                        const rig::Topology& topology) const {
+    if (view.is_equirectangular) {
+      const auto of_directions =
+          check_.blends_any_camera ? unseen_directions : unrecorded_directions;
+      return of_directions({view.pose.position, focal_radius(plane)}, rig_, topology);
+    }
     const auto share = check_.blends_any_camera ? unseen_share : unrecorded_share;
     return share(view, rig_, topology, plane);
   }
@@ -200,7 +261,7 @@ class LayerChecker {
   }
 
   std::optional<double> boundary_distance(const render::VirtualCamera& view) const {
-    if (!array_) return std::nullopt;
+    if (!array_ || view.is_equirectangular) return std::nullopt;
     const rig::ViewFrustum frustum{rig::camera_slopes(view.intrinsics, view.width, view.height),
                                    view.pose.world_from_camera_rotation};
     const rig::RangeOfMotion range = rig::range_of_motion(*array_, frustum);
@@ -211,7 +272,14 @@ class LayerChecker {
   }
 
   std::optional<double> ghosting(const EyeView& eye, double depth) const {
-    return ghosting_pixels(eye.view, rig_, eye.plane, depth, check_.spacing);
+    if (!eye.view.is_equirectangular) {
+      return ghosting_pixels(eye.view, rig_, eye.plane, depth, check_.spacing);
+    }
+    const render::VirtualCamera ahead = views_to_all_sides(eye.view)[8];
+    return ghosting_pixels(
+        ahead, rig_,
+        rig::fronto_parallel_plane(rig_, focal_radius(eye.plane), ahead.pose.viewing_direction()),
+        depth, check_.spacing);
   }
 
   /// Returns the largest factor at which no frame lacks rays, to 0.1 %.
@@ -330,16 +398,18 @@ ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
                      std::span<const compose::PlannedFrame> frames, const ShotCheckOptions& options,
                      const std::stop_token& stop) {
   const auto start = std::chrono::steady_clock::now();
-  if (plan.shot_camera().is_equirectangular()) {
-    throw Error::bad_input(
-        "the shot's camera sees all directions, and no array records all of them", name,
-        "Check a shot with a perspective camera");
-  }
   std::vector<const compose::LightFieldLayer*> light_fields = plan.light_fields();
   std::erase_if(light_fields, [&](const auto* layer) { return plan.is_light(layer->index()); });
   if (light_fields.empty()) {
     throw Error::bad_input("no light field is visible in the shot", name,
                            "Check a shot that has a layer with a take");
+  }
+  const bool looks_outwards = std::ranges::any_of(
+      light_fields, [](const auto* layer) { return is_outward_array(layer->take().rig()); });
+  if (plan.shot_camera().is_equirectangular() && !looks_outwards) {
+    throw Error::bad_input(
+        "the shot's camera sees all directions, and no array of the shot looks outwards", name,
+        "Check a shot with a perspective camera");
   }
   ShotCheck check;
   check.shot = name;

@@ -47,6 +47,9 @@ struct LayerCheck {
   /// Whether any camera that sees a ray's point on the focal plane counts (unseen_share()), and not
   /// only those of the cell that it passes (unrecorded_share()).
   bool blends_any_camera = false;
+  /// Whether the shot's camera is equirectangular: shares are then those of all directions, by
+  /// solid angle, from between the eyes.
+  bool sees_all_directions = false;
   int cameras = 0;
   int eyes = 1;        ///< of the shot's camera
   double spacing = 0;  ///< largest distance of neighbours of the complete array, metres

@@ -102,7 +102,7 @@ std::string coverage_text(const LayerCheck& layer) {
         *layer.field_of_view_factor,
         narrowed_degrees(worst.horizontal_fov, *layer.field_of_view_factor),
         narrowed_degrees(worst.horizontal_fov, 1), worst.frame);
-  } else {
+  } else if (!layer.sees_all_directions) {
     text += "No narrower field of view would have all of its rays recorded.\n";
   }
   return text;

@@ -147,6 +147,23 @@ void copy_samples(std::span<const render::RaySample> samples, std::size_t first,
   }
 }
 
+/// Adds a note if rows of rolling shutters are shown at their own times. `frames`: of cameras of
+/// the rig.
+void note_row_times(const rig::Rig& rig, const store::FrameSelection& frames,
+                    render::RenderedView& view) {
+  double farthest_us = 0;  // of a row from the middle one
+  for (std::size_t camera = 0; camera < frames.frame.size(); ++camera) {
+    if (frames.frame[camera] < 0 || frames.is_interpolated(camera)) continue;
+    const rig::Rig::Camera& shown = rig.cameras[camera];
+    farthest_us = std::max(farthest_us, std::abs(shown.line_time_us) * shown.model.height() / 2.0);
+  }
+  if (farthest_us == 0) return;
+  view.notes.push_back(fmt::format(
+      "rolling shutters: each row shows the time at which it was exposed, up to {:.3g} ms from the "
+      "tick; \"time\": \"exact\" of the layer shows all rows at one time",
+      farthest_us / 1000));
+}
+
 /// Renders the views of a take.
 class TakeRenderer final : public LayerRenderer {
  public:
@@ -166,9 +183,10 @@ class TakeRenderer final : public LayerRenderer {
                    : layer_.reconstruction_for(view.camera, view.time());
     how.max_supersampling = view.preview.max_supersampling;
     if (!is_preview) how.shown_views = view.shown_views;
-    render::RenderedView rendered =
-        renderer_.render(camera, layer_.frames_of(*view.shown.tick), how);
+    const store::FrameSelection frames = layer_.frames_of(*view.shown.tick);
+    render::RenderedView rendered = renderer_.render(camera, frames, how);
     collect(rendered.rotten_cameras, view.rotten_cameras);
+    note_row_times(layer_.take().rig(), frames, rendered);
     return make_layer_image(std::move(rendered));
   }
 
@@ -206,6 +224,7 @@ class TakeRenderer final : public LayerRenderer {
           "alias; render a larger picture and reduce it",
           source_pixels));
     }
+    note_row_times(layer_.take().rig(), layer_.frames_of(*view.shown.tick), result);
     return make_layer_image(std::move(result));
   }
 

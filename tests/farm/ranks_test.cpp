@@ -19,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class Ranks : public ::testing::Test {
  protected:
@@ -146,6 +147,26 @@ TEST_F(Ranks, RenderExactTimesAsOneProcessDoes) {
   write_shot("focal_plane", "{}");
   ASSERT_EQ(here("raystage render shot.json -j 1 -o tick/f.####.exr").exit_code, 0);
   EXPECT_GT(difference("local", "tick", 1).share, 0.01) << "the cameras run freely";
+}
+
+// Ranks move the rows of rolling shutters alike, whoever decodes and interpolates them.
+TEST_F(Ranks, RenderRollingShuttersAsOneProcessDoes) {
+  fs::remove_all(folder_.path() / "take");
+  const CommandResult made = here(
+      "raystage simulate stage -q --rows 4 --columns 4 --width 96 --height 72 --fps 10 "
+      "--line-time-us 600 --spacing-mm 60 --seconds 1.6 --truth-views 0 -o take && "
+      "raystage sync -q take");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  expect_equal_to_local("focal_plane", "{}");
+  const CommandResult ticks = render_locally();
+  EXPECT_THAT(ticks.err, HasSubstr("rolling shutters: each row shows the time"));
+  fs::copy(folder_.path() / "local", folder_.path() / "ticks");
+  time_ = "exact";
+  expect_equal_to_local("focal_plane", "{}");
+  expect_equal_to_local("plane_sweep", "{}", true);
+  write_shot("focal_plane", "{}");
+  EXPECT_THAT(render_locally().err, Not(HasSubstr("rolling shutters")));
+  EXPECT_GT(difference("local", "ticks", 1).share, 0.01) << "rows are moved";
 }
 
 TEST_F(Ranks, SayWhatCrossedBetweenThem) {

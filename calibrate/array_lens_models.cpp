@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+// Chooses the lens model of an array by points that were held out, as lens_comparison.h does for a
+// single lens by boards. Input: detections; output: an error for each model. Cost: two calibrations
+// of half of the points per model.
+#include "calibrate/array_lens_models.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <span>
+#include <utility>
+
+#include "base/error.h"
+#include "calibrate/geometry/lens_comparison.h"
+#include "calibrate/geometry/triangulation.h"
+#include "schemas/projection_names.h"
+
+namespace raystage::calibrate {
+namespace {
+
+using schemas::Projection;
+
+constexpr double kMostErrorPx = 3;
+
+/// The squared errors of a held-out point, and how many they are.
+struct PointError {
+  double sum = 0;
+  int count = 0;
+};
+using PointErrors = std::map<int, PointError>;  ///< by the number of the point
+
+/// Returns the detections of the points in one half: every second point, or board.
+Detections half_of(const Detections& detections, const BoardObjectPoints& board, int half) {
+  const int group = board.empty() ? 1 : static_cast<int>(board.size());
+  Detections part{detections.cameras, {}};
+  // By order, not by number: frames that were thinned out may all be even.
+  int order = -1, last = -1;
+  for (const Detections::Detection& detection : detections.detections) {
+    if (order < 0 || detection.point / group != last) ++order;
+    last = detection.point / group;
+    if (order % 2 == half) part.detections.push_back(detection);
+  }
+  return part;
+}
+
+/// Adds the errors of points with calibrated cameras; returns the sum of the squared displacements
+/// by the distortion terms.
+double add_errors(const ArrayModel& calibrated, const Detections& held_out, PointErrors& errors) {
+  ArrayModel model = make_initial_model(held_out, 1);
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    model.cameras[i].intrinsics = calibrated.cameras[i].intrinsics;
+    model.cameras[i].pose = calibrated.cameras[i].pose;
+  }
+  triangulate_points(model, 1e3);
+  const CameraModels lenses = camera_models(model);
+  ArrayModel ideal = model;
+  for (ArrayModel::Camera& camera : ideal.cameras) {
+    camera.intrinsics.distortion = {};
+    camera.intrinsics.radial_distortion = {};
+  }
+  const CameraModels undistorted = camera_models(ideal);
+  double displacement = 0;
+  for (const ArrayModel::Observation& observation : model.observations) {
+    PointError& error = errors[model.point_ids[static_cast<std::size_t>(observation.point)]];
+    double squared = kMostErrorPx * kMostErrorPx;
+    if (model.counts(observation)) {
+      const auto residual = reprojection_residual(model, lenses, observation);
+      if (residual) squared = std::min(squared, residual->squaredNorm());
+    }
+    error.sum += squared;
+    ++error.count;
+    const auto camera = static_cast<std::size_t>(observation.camera);
+    const auto ray = lenses[camera].unproject(observation.pixel);
+    const auto moved = ray ? undistorted[camera].project(*ray) : std::nullopt;
+    if (moved) displacement += (*moved - observation.pixel).squaredNorm();
+  }
+  return displacement;
+}
+
+/// Returns whether points fit a model worse than another one, as boards do in lens_comparison.cpp.
+bool points_fit_worse(const PointErrors& model, const PointErrors& other) {
+  constexpr double kLeast = 1e-12;  // pixels squared
+  std::vector<double> ratios;
+  for (const auto& [point, error] : model) {
+    const auto found = other.find(point);
+    if (found == other.end()) continue;
+    ratios.push_back(std::log((error.sum + kLeast) / (found->second.sum + kLeast)));
+  }
+  const auto count = static_cast<double>(ratios.size());
+  if (ratios.size() < 2) return false;
+  const double mean = std::accumulate(ratios.begin(), ratios.end(), 0.0) / count;
+  double squares = 0;
+  for (const double ratio : ratios) squares += (ratio - mean) * (ratio - mean);
+  return mean > 2 * std::sqrt(squares / (count - 1) / count);
+}
+
+std::string compared_name(Projection projection) {
+  return projection == Projection::kFisheye ? "fisheye = ftheta"
+                                            : std::string(schemas::name_of(projection));
+}
+
+std::string_view fit_rank(const ArrayLensModelComparison& comparison, std::size_t fit) {
+  if (fit == comparison.best) return "best";
+  return comparison.fits[fit].is_distinct ? "worse" : "not distinguishable";
+}
+
+}  // namespace
+
+CalibrationOptions with_lens_model(CalibrationOptions options, std::size_t cameras,
+                                   Projection projection) {
+  std::vector<LensModel>& models = options.solve.lens_models;
+  models.resize(cameras);
+  for (LensModel& model : models) {
+    model.projection = projection;
+    if (projection == Projection::kPinhole) model.half_angle.reset();
+  }
+  return options;
+}
+
+ArrayLensModelComparison compare_array_lens_models(const Detections& detections,
+                                                   const CalibrationOptions& options) {
+  ArrayLensModelComparison comparison;
+  std::vector<PointErrors> errors;
+  for (const Projection projection : compared_projections()) {
+    ArrayLensModelFit& fit = comparison.fits.emplace_back();
+    PointErrors& of_model = errors.emplace_back();
+    fit.projection = projection;
+    CalibrationOptions settings = with_lens_model(options, detections.cameras.size(), projection);
+    settings.solve.on_step = {};
+    try {
+      double displacement = 0;
+      for (int half = 0; half < 2; ++half) {
+        const Calibration found = calibrate(half_of(detections, options.board, half), settings);
+        displacement +=
+            add_errors(found.model, half_of(detections, options.board, 1 - half), of_model);
+      }
+      double sum = 0;
+      int count = 0;
+      for (const auto& [point, error] : of_model) {
+        sum += error.sum;
+        count += error.count;
+      }
+      fit.held_out_rms_px = std::sqrt(sum / std::max(count, 1));
+      fit.distortion_px = std::sqrt(displacement / std::max(count, 1));
+      comparison.points = static_cast<int>(of_model.size());
+    } catch (const Error& error) {
+      if (options.solve.stop.stop_requested()) throw;
+      fit.failure = error.what();
+      fit.held_out_rms_px = std::numeric_limits<double>::infinity();
+      of_model.clear();
+    }
+  }
+  const auto least =
+      std::ranges::min_element(comparison.fits, {}, &ArrayLensModelFit::held_out_rms_px);
+  if (!least->failure.empty()) {
+    throw Error::bad_input("no lens model fits half of the detections: " + least->failure, "",
+                           "Record more, or choose one lens model")
+        .concerning({"lens_model"});
+  }
+  const auto of_least = static_cast<std::size_t>(least - comparison.fits.begin());
+  std::optional<std::size_t> simplest;
+  for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
+    ArrayLensModelFit& fit = comparison.fits[k];
+    fit.is_distinct =
+        !fit.failure.empty() || (k != of_least && points_fit_worse(errors[k], errors[of_least]));
+    if (fit.is_distinct) continue;
+    // The pinhole, which all methods render, is the first.
+    if (!simplest || (comparison.fits[*simplest].projection != Projection::kPinhole &&
+                      fit.distortion_px < comparison.fits[*simplest].distortion_px)) {
+      simplest = k;
+    }
+  }
+  comparison.best = simplest.value_or(of_least);
+  return comparison;
+}
+
+ArrayLensModelComparison compare_track_lens_models(const RecordedTracks& tracks,
+                                                   const TrackCalibrationOptions& options) {
+  std::vector<Projection> order(compared_projections().begin(), compared_projections().end());
+  std::ranges::stable_partition(
+      order, [](Projection projection) { return projection == Projection::kFisheye; });
+  std::string failure;
+  for (const Projection projection : order) {
+    TrackCalibrationOptions settings = options;
+    settings.calibration = with_lens_model(options.calibration, tracks.cameras.size(), projection);
+    settings.calibration.solve.on_step = {};
+    try {
+      const TrackCalibration found = calibrate_from_tracks(tracks, settings);
+      return compare_array_lens_models(found.points.detections, options.calibration);
+    } catch (const Error& error) {
+      if (options.calibration.solve.stop.stop_requested()) throw;
+      failure = error.what();
+    }
+  }
+  throw Error::bad_input("no lens model fits the take: " + failure, "",
+                         "Record more, or choose one lens model")
+      .concerning({"lens_model"});
+}
+
+std::string format_array_lens_models(const ArrayLensModelComparison& comparison) {
+  std::string text;
+  for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
+    const ArrayLensModelFit& fit = comparison.fits[k];
+    text += fmt::format("Model      {:<16} ", compared_name(fit.projection));
+    text += fit.failure.empty()
+                ? fmt::format("{:.3f} px RMS of {} points held out: {}\n", fit.held_out_rms_px,
+                              comparison.points, fit_rank(comparison, k))
+                : "does not fit: " + fit.failure + "\n";
+  }
+  return text;
+}
+
+std::string with_lens_models_json(const std::string& report,
+                                  const ArrayLensModelComparison& comparison) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::parse(report);
+  json["models"] = nlohmann::ordered_json::array();
+  for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
+    const ArrayLensModelFit& fit = comparison.fits[k];
+    nlohmann::ordered_json model{{"projection", schemas::name_of(fit.projection)}};
+    if (!fit.failure.empty()) {
+      model["failure"] = fit.failure;
+    } else {
+      model["held_out_rms_px"] = fit.held_out_rms_px;
+      model["rank"] = fit_rank(comparison, k);
+    }
+    json["models"].push_back(std::move(model));
+  }
+  return json.dump(1) + "\n";
+}
+
+}  // namespace raystage::calibrate

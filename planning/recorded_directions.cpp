@@ -69,7 +69,7 @@ double unrecorded(const Viewpoint& from, const rig::Rig& rig, const rig::Topolog
                                                 std::numbers::pi / 2, {});
     rays.view.pose = {side, from.position};
     const Matrix3d ray_from_pixel = render::world_ray_from_pixel(rays.view);
-    rays.measure = Measure::solid_angle(ray_from_pixel);
+    rays.measure = Measure::solid_angle(ray_from_pixel, is_ring(topology) ? 6 : 3);
     rays.sphere = sphere_of(from, rig, ray_from_pixel);
     precision.enough = enough - missing;
     missing += unrecorded_part(rays, rig, topology, kInfinity, precision);

@@ -13,6 +13,7 @@
 
 #include "planning/ideal_view.h"
 #include "render/common/plane_projection.h"
+#include "rig/fisheye_lens.h"
 #include "rig/rig.h"
 
 namespace raystage::planning {
@@ -63,6 +64,16 @@ class PlaneView {
     borders_.row(1) = camera.model.width() * ideal_from_pixel_.row(2) - x;
     borders_.row(2) = y;
     borders_.row(3) = camera.model.height() * ideal_from_pixel_.row(2) - y;
+    if (sphere == nullptr) cosine_ = inscribed_cosine(camera.model);
+  }
+
+  /// Returns whether a fisheye sees the point at a pixel in a circular cone about its axis that its
+  /// picture contains. Where this holds for the corners of a triangle, it holds for all of it: the
+  /// direction is linear in the pixel, and the cone is convex.
+  bool is_in_cone(const Eigen::Vector2d& pixel) const {
+    if (cosine_ > 1) return false;
+    const Eigen::Vector3d direction = ideal_from_pixel_ * Eigen::Vector3d(pixel.x(), pixel.y(), 1);
+    return direction.z() >= cosine_ * direction.norm();
   }
 
   /// Returns whether the borders are linear in the view's pixel.
@@ -86,6 +97,20 @@ class PlaneView {
   }
 
  private:
+  /// Returns the cosine of the half angle of the widest cone, at most a hemisphere, that a
+  /// fisheye's picture contains; 2: none.
+  static double inscribed_cosine(const rig::CameraModel& model) {
+    constexpr double kNone = 2, kRounding = 1e-9;
+    if (model.fisheye() == nullptr) return kNone;
+    const schemas::Intrinsics& k = model.intrinsics();
+    const double nearest = std::min(
+        {k.cx / k.fx, (model.width() - k.cx) / k.fx, k.cy / k.fy, (model.height() - k.cy) / k.fy});
+    if (!(nearest > 0)) return kNone;
+    const double largest = model.fisheye()->largest_angle();
+    const double angle = std::min(model.fisheye()->angle(nearest).value_or(largest), largest);
+    return std::max(0.0, std::cos(angle)) + kRounding;
+  }
+
   std::optional<Eigen::Vector2d> pixel_of(const Eigen::Vector3d& at) const {
     if (sphere_ == nullptr) return project_ideal(*model_, ideal_from_pixel_ * at);
     const auto point = sphere_->point_at(at);
@@ -103,6 +128,7 @@ class PlaneView {
   Eigen::Matrix3d ideal_from_pixel_;
   Eigen::Matrix<double, kBorders, 3> borders_;
   bool is_straight_;
+  double cosine_ = 2;
   const FocalSphere* sphere_;
   const rig::Pose* pose_;
 };
@@ -112,14 +138,18 @@ class Measure {
  public:
   static Measure pixels() { return {}; }
   /// `ray_from_pixel`: direction of a homogeneous pixel, in any frame.
-  static Measure solid_angle(const Eigen::Matrix3d& ray_from_pixel) {
+  /// `halvings`: after which parts of a picture are so small that their areas are in proportion to
+  /// their angles.
+  static Measure solid_angle(const Eigen::Matrix3d& ray_from_pixel, int halvings = 3) {
     Measure measure;
+    measure.halvings_ = halvings;
     measure.is_solid_angle_ = true;
     measure.ray_from_pixel_ = ray_from_pixel;
     return measure;
   }
 
   bool is_solid_angle() const { return is_solid_angle_; }
+  int halvings() const { return halvings_; }
 
   /// Returns square pixels, or steradians.
   double of_triangle(const Eigen::Vector2d& a, const Eigen::Vector2d& b,
@@ -140,6 +170,7 @@ class Measure {
   }
 
   bool is_solid_angle_ = false;
+  int halvings_ = 0;
   Eigen::Matrix3d ray_from_pixel_ = Eigen::Matrix3d::Identity();
 };
 
@@ -212,7 +243,9 @@ inline constexpr std::size_t kMaxCameras = 3;  // of a cell
 /// A position in the view, and what the cell's cameras see of the focal plane there.
 struct Corner {
   Eigen::Vector2d at;
-  std::array<Borders, kMaxCameras> borders;
+  std::array<bool, kMaxCameras> is_in_cone{};
+  bool has_borders = false;  ///< they cost the most, and are computed where they are needed
+  std::array<Borders, kMaxCameras> borders{};
 };
 
 /// The cameras of a cell.
@@ -233,8 +266,33 @@ class CellCameras {
   Corner corner(const Eigen::Vector2d& at) const {
     Corner result;
     result.at = at;
-    for (std::size_t i = 0; i < count_; ++i) result.borders[i] = cameras_[i]->borders_at(at);
+    for (std::size_t i = 0; i < count_; ++i) result.is_in_cone[i] = cameras_[i]->is_in_cone(at);
     return result;
+  }
+
+  void add_borders(Corners& corners) const {
+    for (Corner& corner : corners) {
+      if (corner.has_borders) continue;
+      corner.has_borders = true;
+      for (std::size_t i = 0; i < count_; ++i) {
+        corner.borders[i] = cameras_[i]->borders_at(corner.at);
+      }
+    }
+  }
+
+  bool is_in_a_cone(const Corners& corners) const {
+    for (std::size_t i = 0; i < count_; ++i) {
+      if (corners[0].is_in_cone[i] && corners[1].is_in_cone[i] && corners[2].is_in_cone[i]) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  /// Returns whether no camera's borders say anything of a triangle before it is divided.
+  bool is_too_coarse(int depth) const {
+    return std::all_of(cameras_.begin(), cameras_.begin() + count_,
+                       [&](const auto* camera) { return depth < camera->far_inside_from(); });
   }
 
   double area_of(const Corners& corners) const {
@@ -244,7 +302,7 @@ class CellCameras {
   /// Returns after how many halvings a triangle that is seen in part may be measured: solid angles
   /// differ between equal areas of a picture.
   int finest_from(const PlaneView& camera) const {
-    return std::max(camera.far_inside_from(), measure_.is_solid_angle() ? 3 : 0);
+    return std::max(camera.far_inside_from(), measure_.halvings());
   }
 
   /// Returns how far a camera's borders at the middles of the sides are from the means of those at
@@ -275,8 +333,11 @@ class CellCameras {
     return false;
   }
 
-  double seen_area(const Corners& corners, int depth) const {
+  double seen_area(Corners corners, int depth) const {
     constexpr int kMaxDepth = 7;
+    if (is_in_a_cone(corners)) return area_of(corners);
+    if (is_too_coarse(depth)) return divided_area(corners, middles_of(corners), depth);
+    add_borders(corners);
     const bool is_curved = std::any_of(cameras_.begin(), cameras_.begin() + count_,
                                        [](const auto* camera) { return !camera->is_straight(); });
     if (is_clearly_inside(corners, depth)) return area_of(corners);
@@ -284,10 +345,9 @@ class CellCameras {
     Corners middles;
     bool divide = false;
     if (is_curved || measure_.is_solid_angle()) {
-      for (std::size_t side = 0; side < 3; ++side) {
-        middles[side] = corner((corners[side].at + corners[(side + 1) % 3].at) / 2);
-      }
-      for (std::size_t i = 0; i < count_; ++i) {
+      middles = middles_of(corners);
+      if (is_curved) add_borders(middles);
+      for (std::size_t i = 0; i < count_ && is_curved; ++i) {
         const double bent = deviation(corners, middles, i);
         margin[i] = 4 * bent;  // distortion may be stronger between the middles
         divide = divide || bent > cameras_[i]->tolerance();
@@ -312,6 +372,18 @@ class CellCameras {
     }
     if (partial.empty()) return 0;
     if (!divide || depth == kMaxDepth) return union_area(corners, partial);
+    return divided_area(corners, middles, depth);
+  }
+
+  Corners middles_of(const Corners& corners) const {
+    Corners middles;
+    for (std::size_t side = 0; side < 3; ++side) {
+      middles[side] = corner((corners[side].at + corners[(side + 1) % 3].at) / 2);
+    }
+    return middles;
+  }
+
+  double divided_area(const Corners& corners, const Corners& middles, int depth) const {
     double area = 0;
     for (std::size_t side = 0; side < 3; ++side) {
       area += seen_area({corners[side], middles[side], middles[(side + 2) % 3]}, depth + 1);

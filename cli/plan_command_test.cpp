@@ -201,7 +201,7 @@ TEST_F(PlanCommand, ArrayOfTheExamples) {
     EXPECT_EQ(best["columns"], columns) << name;
     EXPECT_EQ(best["rows"], rows) << name;
     EXPECT_THAT(read_file(folder_.path() / "array.html"), HasSubstr("Ghosting against price"));
-    EXPECT_EQ(testing::run_raystage("plan resolution " + path("rig.json")).exit_code, 0);
+    EXPECT_EQ(testing::run_raystage("plan resolution -q " + path("rig.json")).exit_code, 0);
   }
   // The last one: its six sides intersect (thesis 6.2).
   const std::string coverage =
@@ -237,8 +237,8 @@ TEST_F(PlanCommand, CoverageOfSeveralRigs) {
   write_file_atomically(folder_.path() / "other.json", other.dump());
   const auto extent = [&](const std::string& arguments) {
     const testing::CommandResult result = testing::run_raystage(
-        "plan coverage " + arguments +
-        " --view-fov-deg 40 --shares 90 --tolerance-mm 4 --json --progress none");
+        "plan coverage --shares 90 --view-fov-deg 40 " + arguments +
+        " --tolerance-mm 4 --json --progress none");
     EXPECT_EQ(result.exit_code, 0) << result.output;
     return nlohmann::json::parse(result.output)["volumes"][0]["extent_m"][0].get<double>();
   };

@@ -81,7 +81,8 @@ std::string accuracy_text(const CoverageVolume& volume, const CoverageOptions& o
 std::string arrays_text(const CoveragePlan& plan) {
   std::string text;
   if (plan.looks_around) {
-    const Eigen::Vector3d ahead = -plan.array.world_from_camera_rotation.col(2);
+    const Eigen::Vector3d ahead =
+        Eigen::Vector3d::Zero() - plan.array.world_from_camera_rotation.col(2);  // no -0
     text += fmt::format(
         "The cameras look around. Positions and views are relative to their middle; views that do "
         "not turn look along ({:.3f}, {:.3f}, {:.3f}) of the world.\n",

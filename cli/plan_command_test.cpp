@@ -236,9 +236,9 @@ TEST_F(PlanCommand, CoverageOfSeveralRigs) {
   }
   write_file_atomically(folder_.path() / "other.json", other.dump());
   const auto extent = [&](const std::string& arguments) {
-    const testing::CommandResult result = testing::run_raystage(
-        "plan coverage --shares 90 --view-fov-deg 40 " + arguments +
-        " --tolerance-mm 4 --json --progress none");
+    const testing::CommandResult result =
+        testing::run_raystage("plan coverage --shares 90 --view-fov-deg 40 " + arguments +
+                              " --tolerance-mm 4 --json --progress none");
     EXPECT_EQ(result.exit_code, 0) << result.output;
     return nlohmann::json::parse(result.output)["volumes"][0]["extent_m"][0].get<double>();
   };

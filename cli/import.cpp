@@ -230,6 +230,9 @@ ExitCode run_depth_import(const Options& options, const std::stop_token& stop) {
     print("{}: {} depth maps of {} cameras ({} replaced), {:.1f} % of the pixels unknown\n",
           options.depth_take.string(), report.maps, report.cameras, report.replaced,
           kPercent * report.unknown_share);
+    record_event(options.depth_take, "modification",
+                 "import --depth " + options.manifest.filename().string(),
+                 fmt::format("{} depth maps, {} replaced", report.maps, report.replaced));
     return ExitCode::kSuccess;
   });
 }

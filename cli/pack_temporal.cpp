@@ -11,6 +11,7 @@
 
 #include "cli/command.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 #include "cli/view_loss.h"
 #include "store/packing/pack_temporal.h"
@@ -195,6 +196,9 @@ ExitCode run_pack_temporal(const PackCommandOptions& common, const TemporalComma
   } else {
     print_text(common, how.video, report, loss);
   }
+  record_event(common.output, "migration", "pack --temporal " + options.codec,
+               fmt::format("{} frames, lossy, rate factor {}, {:.2f} dB PSNR",
+                           report.total().frames, how.video.crf, report.psnr_db()));
   return ExitCode::kSuccess;
 }
 

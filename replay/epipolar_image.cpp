@@ -95,6 +95,25 @@ std::vector<std::array<double, 2>> view_line(const rig::Rig& rig, const std::vec
   return line;
 }
 
+/// Throws Error (bad input) unless epipolar lines are rows of pixels.
+void check_lines_are_rows(const SourceFrames& source, const std::vector<int>& row) {
+  constexpr double kLeastCosine = 0.5;  // 60 degrees
+  const rig::Rig& rig = source.take.rig();
+  for (const int index : row) {
+    const rig::Rig::Camera& camera = rig.cameras[index];
+    const bool is_pinhole = camera.model.intrinsics().projection == schemas::Projection::kPinhole;
+    const bool is_alongside =
+        camera.pose.world_from_camera_rotation.col(2).dot(
+            rig.cameras[row.front()].pose.world_from_camera_rotation.col(2)) >= kLeastCosine;
+    if (is_pinhole && is_alongside) continue;
+    throw Error::bad_input(
+        "camera \"" + camera.id + "\" " +
+            (is_pinhole ? "looks in another direction than its row" : "has a fisheye lens") +
+            ": epipolar lines are not rows of its pixels",
+        source.take.folder().string(), "Render a view instead");
+  }
+}
+
 }  // namespace
 
 std::vector<int> camera_row_near(const rig::Rig& rig, const render::VirtualCamera& view) {
@@ -133,6 +152,7 @@ EpipolarImage make_epipolar_image(const SourceFrames& source, const render::Virt
     throw Error::bad_input("no camera of this row has a frame", source.take.folder().string(),
                            "Choose another frame");
   }
+  check_lines_are_rows(source, row);
   const Vector3d point = view.pose.position + ray_through(view, pixel) * focus_m;
   EpipolarImage image;
   // A line of pixels per camera, enlarged afterwards.

@@ -32,7 +32,8 @@ std::vector<int> camera_row_near(const rig::Rig& rig, const render::VirtualCamer
 
 /// Returns the epipolar-plane image for a pixel of a view. The row of each camera is the one in
 /// which it sees the pixel's point at `focus_m` along the optical axis. `size`: of the picture.
-/// Throws Error (bad input) if no camera of the row has a frame.
+/// Throws Error (bad input) if no camera of the row has a frame, or epipolar lines are not rows of
+/// pixels: with fisheyes, and cameras that look around.
 EpipolarImage make_epipolar_image(const SourceFrames& source, const render::VirtualCamera& view,
                                   const Eigen::Vector2d& pixel, double focus_m, PictureSize size);
 

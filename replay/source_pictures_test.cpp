@@ -5,10 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <set>
+#include <string>
 
 #include "base/error.h"
 #include "replay/epipolar_image.h"
+#include "schemas/rig_document.h"
 #include "store/jpeg/decode.h"
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
@@ -160,6 +163,37 @@ TEST_F(SourcePicturesTest, AViewInThePlaneOfTheCamerasIsALevelLine) {
   const EpipolarImage slanted = make_epipolar_image(source(), ahead, {48, 32}, kDepth, {192, 30});
   ASSERT_GT(slanted.view_line.size(), 10U);
   EXPECT_GT(slanted.view_line.front()[1], slanted.view_line.back()[1]);
+}
+
+TEST_F(SourcePicturesTest, RowsOfPixelsThatAreNoEpipolarLinesAreAnError) {
+  const auto refusal = [&](const std::function<void(schemas::CameraGeometry&)>& change) {
+    const std::filesystem::path file = folder_.path() / "take" / "rig.json";
+    const schemas::RigDocument original = schemas::read_rig(file);
+    schemas::RigDocument rig = original;
+    change(rig.cameras[2].geometry);
+    schemas::write_rig(rig, file);
+    take_.emplace(folder_.path() / "take");
+    std::string what = "none";
+    try {
+      make_epipolar_image(source(), view(), {48, 32}, kDepth, {192, 30});
+    } catch (const Error& error) {
+      what = error.what();
+    }
+    schemas::write_rig(original, file);
+    return what;
+  };
+  EXPECT_EQ(refusal([](schemas::CameraGeometry&) {}), "none");
+  EXPECT_THAT(refusal([](schemas::CameraGeometry& camera) {
+                camera.intrinsics.projection = schemas::Projection::kFisheye;
+              }),
+              HasSubstr("fisheye"));
+  EXPECT_THAT(refusal([](schemas::CameraGeometry& camera) {
+                auto& pose = camera.world_from_camera;  // turned by 90 degrees
+                pose[0] = pose[10] = 0;
+                pose[2] = 1;
+                pose[8] = -1;
+              }),
+              HasSubstr("another direction"));
 }
 
 TEST_F(SourcePicturesTest, ARowWithoutFramesIsAnError) {

@@ -15,7 +15,7 @@ namespace raystage::store {
 struct PictureCompression {
   /// 0: without loss; otherwise libjxl's Butteraugli distance, up to 25 (1: visually lossless).
   double distance = 0;
-  int effort = 3;  ///< 1 to 9, as cjxl's; the higher the smaller and slower
+  int effort = 2;  ///< 1 to 9, as cjxl's; the higher the smaller and slower
 };
 
 /// A picture with what its file states of the samples.

@@ -34,7 +34,7 @@ MatchingImage image_of(const VirtualCamera& camera, const std::function<Colour(i
   }
   schemas::CameraGeometry geometry{"c", kWidth, kHeight, camera.intrinsics, {}, {}, {}};
   return {frame,
-          store::BlendSpace::kPerceptual,
+          {store::BlendSpace::kPerceptual, 1},
           {"c", rig::CameraModel(geometry), camera.pose, {}, {}, {}},
           camera};
 }

@@ -45,7 +45,7 @@ inline render::MatchingImage random_image(unsigned seed, const render::VirtualCa
   geometry.intrinsics = pinhole.intrinsics;
   geometry.intrinsics.distortion.k1 = bend;
   return {frame,
-          store::BlendSpace::kPerceptual,
+          {store::BlendSpace::kPerceptual, 1},
           {"c", rig::CameraModel(geometry), pinhole.pose, {}, {}, {}},
           pinhole};
 }

@@ -62,7 +62,7 @@ class ExrLayouts : public ::testing::Test {
   void write(ExrLayout layout, bool stereo) {
     ExrMetadata metadata;
     metadata.layout = layout;
-    metadata.data_compression = "zip";
+    metadata.data_compression = "zips";
     metadata.fingerprint = "f";
     std::vector<ExrView> views{testing::exr_view(left_, stereo ? "left" : "")};
     std::vector<ExrCamera> cameras{camera_at(-0.03)};
@@ -100,7 +100,7 @@ TEST_F(ExrLayouts, StandardHasAPartForEachLayer) {
     EXPECT_EQ(header.type(), Imf::SCANLINEIMAGE);
     EXPECT_EQ(header.typedAttribute<Imf::StringAttribute>("colorInteropID").value(),
               i == 0 ? "lin_rec709_scene" : "data");
-    EXPECT_EQ(header.compression(), i == 0 ? Imf::PIZ_COMPRESSION : Imf::ZIP_COMPRESSION);
+    EXPECT_EQ(header.compression(), i == 0 ? Imf::ZIP_COMPRESSION : Imf::ZIPS_COMPRESSION);
     EXPECT_FLOAT_EQ(Imf::focus(header), 3.5F);
     EXPECT_FLOAT_EQ(Imf::aperture(header), 2.8F);
     EXPECT_FLOAT_EQ(Imf::expTime(header), 1 / 48.0F);

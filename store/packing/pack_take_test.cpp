@@ -270,7 +270,7 @@ TEST_F(PackTakeTest, RepairKeepsTheForm) {
   bytes[Take(path("packed")).archive(0).frames()[1].offset + 100] ^= std::byte{1};
   testing::overwrite(file, bytes);
   const RepairReport wrong = repair_take(path("packed"), from_copy(path("take")));
-  EXPECT_THAT(wrong.cameras[0].error, HasSubstr("is packed"));
+  EXPECT_THAT(wrong.cameras[0].error, HasSubstr("different forms"));
   EXPECT_EQ(testing::bytes_of(file), bytes);
   const RepairReport right = repair_take(path("packed"), from_copy(path("copy")));
   EXPECT_EQ(right.cameras[0].frames_from_copy, 1);

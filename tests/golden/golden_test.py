@@ -30,11 +30,14 @@ BIN = pathlib.Path(os.environ["RAYSTAGE_BIN_DIR"])
 MEAN_TOLERANCE, MAX_TOLERANCE = 0.5, 4  # of 255, on the sRGB curve: libraries of JPEG and kernels round differently
 WRITTEN = {"versions.json", "picture.png", "SHA256SUMS"}
 # Kinds of documents that are part of a take or of the shot that renders it.
-KINDS = {"take", "rig", "shot", "recording", "views"}
+KINDS = {"take", "rig", "shot", "recording", "views", "event"}
+# Codecs of archives (docs/formats/archive.md).
+FORMS = {b"V_MJPEG": "JPEG", b"V_JPEGXL": "packed", b"V_JPEGXL/PICTURE": "pictures", b"V_MPEGH/ISO/HEVC": "HEVC", b"V_AV1": "AV1"}
 
 
 def output_of(*command: object, stdin: bytes | None = None) -> bytes:
-    done = subprocess.run([str(word) for word in command], input=stdin, capture_output=True, check=False)
+    environment = os.environ | {"RAYSTAGE_EVENT_LOG": "0"}  # golden takes stay as they are
+    done = subprocess.run([str(word) for word in command], input=stdin, capture_output=True, check=False, env=environment)
     if done.returncode != 0:
         raise AssertionError(f"{command}: exit code {done.returncode}\n{done.stdout.decode()}{done.stderr.decode()}")
     return done.stdout
@@ -65,6 +68,10 @@ def versions_of(folder: pathlib.Path) -> dict[str, list[int] | list[str]]:
             schema = json.loads(data).get("schema", "")
             kind, version = re.fullmatch(r"raystage/([\w-]+)/(\d+)", schema).groups()
             found.setdefault(kind, set()).add(int(version))
+        elif file.suffix == ".jsonl":
+            for line in data.splitlines():
+                kind, version = re.fullmatch(r"raystage/([\w-]+)/(\d+)", json.loads(line)["schema"]).groups()
+                found.setdefault(kind, set()).add(int(version))
         elif file.suffix == ".journal":
             found.setdefault("journal", set()).add(number_at(data, 8))
         elif file.name == "timeline.zst":
@@ -75,7 +82,7 @@ def versions_of(folder: pathlib.Path) -> dict[str, list[int] | list[str]]:
             found.setdefault("manifest", set()).add(data.split(b"\n", 1)[0].decode())
         elif file.suffix == ".mkv":
             head = data[:data.index(bytes.fromhex("1f43b675"))]  # up to the first Cluster
-            form = "packed" if b"V_JPEGXL" in head else "JPEG"
+            form = FORMS[max((codec for codec in FORMS if codec in head), key=len)]
             # DefaultDuration, or the Void of 12 bytes that becomes it.
             has_space = bytes.fromhex("23e383") in head or bytes.fromhex("ec0100000000000003") in head
             found.setdefault("archive", set()).add(f"{form}, {'with' if has_space else 'without'} space for the frame rate")
@@ -94,7 +101,7 @@ def versions_in_source() -> dict[str, set]:
         if kind in KINDS:
             found.setdefault(kind, set()).add(int(version))
     found["archive"] = {"JPEG, without space for the frame rate", "JPEG, with space for the frame rate",
-                        "packed, with space for the frame rate"}
+                        *(f"{form}, with space for the frame rate" for form in FORMS.values())}
     first_line = re.search(r'"(# raystage/manifest/[0-9]+)"', (SOURCE / "store/fixity/manifest.cpp").read_text())
     assert first_line, "store/fixity/manifest.cpp states no first line of manifests"
     found["manifest"] = {first_line[1]}

@@ -37,7 +37,7 @@ class DeepTakeCommand : public ::testing::Test {
         "--edge-samples 16 -q --hdr ";
     CommandResult made = run_raystage(scene + "-o " + quoted("take"));
     ASSERT_EQ(made.exit_code, 0) << made.output;
-        made = run_raystage(scene + "--bits 8 -o " + quoted("jpeg"));
+    made = run_raystage(scene + "--bits 8 -o " + quoted("jpeg"));
     ASSERT_EQ(made.exit_code, 0) << made.output;
     made = run_raystage("sync -q " + quoted("take"));
     ASSERT_EQ(made.exit_code, 0) << made.output;
@@ -162,7 +162,7 @@ TEST_F(DeepTakeCommand, ExportedEXRsHoldTheSamplesExactly) {
 /// As docs/formats/archive.md describes it.
 TEST_F(DeepTakeCommand, OtherProgramsOpenTheFrames) {
   for (const char* program : {"mkvextract", "mkvinfo", "djxl"}) {
-        ASSERT_EQ(std::system((std::string("command -v ") + program + " > /dev/null").c_str()), 0)
+    ASSERT_EQ(std::system((std::string("command -v ") + program + " > /dev/null").c_str()), 0)
         << program << " is not installed (scripts/packages.txt)";
   }
   const store::Take take(path("take"));

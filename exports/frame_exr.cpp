@@ -201,12 +201,12 @@ std::vector<float> FrameExrEncoder::pixels_of(const SourceFrames::Ready& ready) 
   correction_.correct(levels.values, layout, all);
   std::vector<float> pixels(levels.values.size());
   for (std::size_t i = 0; i < pixels.size(); ++i) pixels[i] = light_[levels.values[i]];
-    return pixels;
+  return pixels;
 }
 
 std::vector<std::byte> FrameExrEncoder::encode(const SourceFrames::Ready& ready,
                                                SourceFrames& /*source*/) {
-    std::vector<float> pixels = pixels_of(ready);
+  std::vector<float> pixels = pixels_of(ready);
   // Four values a pixel, of which a linear transform leaves the last as it is.
   if (options_.color.from_scene) options_.color.from_scene->apply(pixels);
   compose::ScanlinePart part{header_of(ready.frame), {}};

@@ -34,7 +34,8 @@ TEST(Validator, OurSchemasSayNothingThatIsNotChecked) {
     // "shot-1" is version 1 of a schema with three versions.
     const std::size_t dash = schema.name.find('-');
     const std::string kind(schema.name.substr(0, dash));
-    const std::map<std::string, std::string> newest{{"shot", "3"}, {"rig", "2"}, {"import", "2"}, {"take", "2"}};
+    const std::map<std::string, std::string> newest{
+        {"shot", "3"}, {"rig", "2"}, {"import", "2"}, {"take", "2"}};
     const auto found = newest.find(kind);
     const std::string version(dash != std::string_view::npos ? schema.name.substr(dash + 1)
                               : found != newest.end()        ? std::string_view(found->second)

@@ -182,8 +182,8 @@ ArrayLensModelComparison compare_array_lens_models(const Detections& detections,
 ArrayLensModelComparison compare_track_lens_models(const RecordedTracks& tracks,
                                                    const TrackCalibrationOptions& options) {
   std::vector<Projection> order(compared_projections().begin(), compared_projections().end());
-  std::ranges::stable_partition(
-      order, [](Projection projection) { return projection == Projection::kFisheye; });
+  std::stable_partition(order.begin(), order.end(),
+                        [](Projection projection) { return projection == Projection::kFisheye; });
   std::string failure;
   for (const Projection projection : order) {
     TrackCalibrationOptions settings = options;

@@ -181,7 +181,9 @@ ExportReport export_depths(const store::Take& take, const DepthExportOptions& op
     for (const ExportReport::Camera& camera : report.cameras) {
       create_folder(folder.working() / camera.id);
     }
-    for (const auto& [number, cameras] : cameras_of) {
+    for (const auto& entry : cameras_of) {
+      const auto number = entry.first;
+      const auto& cameras = entry.second;
       const std::vector<InverseDepthMap> maps =
           recorded.at(timeline.ticks.at(static_cast<std::size_t>(number) - 1));
       parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t i) {

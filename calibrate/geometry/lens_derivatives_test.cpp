@@ -32,7 +32,8 @@ std::array<Exact, 2> exact_pixel(Projection projection, const ExactValues& in) {
     u = x * factor + 2 * lens[6] * x * y + lens[7] * (s + 2 * x * x);
     v = y * factor + lens[6] * (s + 2 * y * y) + 2 * lens[7] * x * y;
   } else {
-    const Exact x = in[0], y = -in[1], across = sqrt(x * x + y * y);
+    const Exact& x = in[0];
+    const Exact y = -in[1], across = sqrt(x * x + y * y);
     const Exact angle = atan2(across, Exact(-in[2]));
     Exact r = angle;
     if (projection == Projection::kEquisolid) r = 2 * sin(angle / 2);

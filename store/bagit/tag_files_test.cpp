@@ -64,13 +64,14 @@ TEST(BagDeclaration, IsTwoLines) {
     EXPECT_FALSE(parse_bag_declaration(bad, found)) << bad;
     EXPECT_THAT(found.faults(), SizeIs(1));
   }
-  for (const char* odd : {"BagIt-Version : 1.0\nTag-File-Character-Encoding: UTF-8\n",
-                          "BagIt-Version:1.0\nTag-File-Character-Encoding: UTF-8\n",
-                          "BagIt-Version: 1.0 \nTag-File-Character-Encoding: UTF-8\n",
-                          "BagIt-Version:  1.0\nTag-File-Character-Encoding: UTF-8\n",
-                          "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\nmore\n",
-                          "\xef\xbb\xbf"
-                          "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n"}) {
+  const std::string marked =
+      std::string("\xef\xbb\xbf") + "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n";
+  for (const char* odd :
+       {"BagIt-Version : 1.0\nTag-File-Character-Encoding: UTF-8\n",
+        "BagIt-Version:1.0\nTag-File-Character-Encoding: UTF-8\n",
+        "BagIt-Version: 1.0 \nTag-File-Character-Encoding: UTF-8\n",
+        "BagIt-Version:  1.0\nTag-File-Character-Encoding: UTF-8\n",
+        "BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\nmore\n", marked.c_str()}) {
     TagFileFindings found;
     EXPECT_TRUE(parse_bag_declaration(odd, found)) << odd;
     EXPECT_THAT(found.faults(), SizeIs(1)) << odd;

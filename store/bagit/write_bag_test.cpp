@@ -182,7 +182,7 @@ TEST(BagInfoElements, MustFitOnALine) {
 TEST(Premis, TextsAreEscaped) {
   schemas::TakeEvent event;
   event.type = "a<b>&\"c\"";
-  event.note = std::string("zero \0 control \x01 bad \xff end", 27);
+  event.note = std::string("zero \0 control \x01 bad \xff end", 26);
   const std::vector<schemas::TakeEvent> events{event};
   const std::string xml = premis_as_xml("x:1", "]]>", {}, events);
   EXPECT_THAT(xml, HasSubstr("a&lt;b&gt;&amp;\"c\""));

@@ -79,7 +79,7 @@ Result result_of(const TakeFixityReport& report) {
   return only_open ? Result::kNotClosed : Result::kDamaged;
 }
 
-void add_problem(FixityCatalogue::Check& check, std::string text) {
+void add_problem(FixityCatalogue::Check& check, const std::string& text) {
   constexpr std::size_t kMost = 10'000;  // of the schema
   ++check.problem_count;
   if (check.problems.size() < kProblemsKept) check.problems.push_back(text.substr(0, kMost));

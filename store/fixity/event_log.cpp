@@ -129,11 +129,11 @@ bool append_event(const fs::path& take, const schemas::TakeEvent& event) {
     written = ::write(log.number(), text.data(), text.size());
   } while (written < 0 && errno == EINTR);
   if (written != static_cast<ssize_t>(text.size()) || ::fdatasync(log.number()) != 0) {
-    const Error error =
-        Error::from_errno("the event log cannot be written", file.path().string(), kCheckLog);
+    const int cause = written >= 0 && written < static_cast<ssize_t>(text.size()) ? ENOSPC : errno;
     // Ignored: a line that is not complete is no event.
     [[maybe_unused]] const int ignored = ::ftruncate(log.number(), status.st_size);
-    throw error;
+    errno = cause;
+    throw Error::from_errno("the event log cannot be written", file.path().string(), kCheckLog);
   }
   if (status.st_size == 0) sync_folder(take);
   return true;

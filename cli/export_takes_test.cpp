@@ -12,6 +12,7 @@
 #include "base/atomic_file.h"
 #include "testing/cli/test_command.h"
 #include "testing/exports/export_test_data.h"
+#include "testing/test_paths.h"
 
 namespace raystage::cli::export_takes_test {
 namespace {
@@ -172,8 +173,8 @@ TEST_F(ExportTakes, AFullDiskLeavesNothing) {
        {"movies take -o m --codec ffv1", "multiview take -o m.mkv", "images take -o m --format exr",
         "mosaic take -o m.mp4 --tile-width 1024"}) {
     const std::string command = "cd '" + data.folder.path().string() + "' && " + limit + "'" +
-                                RAYSTAGE_BIN_DIR "/raystage' export " + arguments +
-                                " -q > /dev/null 2>&1";
+                                testing::commands_folder().string() + "/raystage' export " +
+                                arguments + " -q > /dev/null 2>&1";
     const int status = std::system(("bash -c \"" + command + "\"").c_str());
     EXPECT_EQ(WEXITSTATUS(status), 1) << arguments;
     EXPECT_THAT(data.names(), ElementsAre("take")) << arguments;
@@ -187,9 +188,9 @@ TEST_F(ExportTakes, AKilledProcessLeavesNoFileUnderTheName) {
       const int nowhere = open("/dev/null", O_WRONLY);
       dup2(nowhere, 1);
       dup2(nowhere, 2);
-      execl(RAYSTAGE_BIN_DIR "/raystage-export", "raystage-export", "mosaic", data.path().c_str(),
-            "-o", data.out("all.mkv").c_str(), "--fps", "1000", "--tile-width", "2048", "--codec",
-            "ffv1", nullptr);
+      execl((testing::commands_folder() / "raystage-export").c_str(), "raystage-export", "mosaic",
+            data.path().c_str(), "-o", data.out("all.mkv").c_str(), "--fps", "1000", "--tile-width",
+            "2048", "--codec", "ffv1", nullptr);
       _exit(127);
     }
     // Until the temporary file is there.

@@ -17,6 +17,7 @@
 #include "testing/store/sparse_take.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
+#include "testing/test_paths.h"
 
 namespace raystage::cli {
 namespace {
@@ -160,7 +161,8 @@ bool repair_is_killed(const std::filesystem::path& take) {
     const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
     dup2(nowhere, STDOUT_FILENO);
     dup2(nowhere, STDERR_FILENO);
-    execl(RAYSTAGE_BIN_DIR "/raystage-repair", "raystage-repair", take.c_str(), nullptr);
+    execl((testing::commands_folder() / "raystage-repair").c_str(), "raystage-repair", take.c_str(),
+          nullptr);
     _exit(1);
   }
   const auto has_begun = [&] {
@@ -325,7 +327,7 @@ TEST_F(FixityCommands, BadUsageAndInputExitWithTwo) {
 /// Starts `raystage verify --catalogue` with a slow pace and kills it when the catalogue states
 /// progress.
 void kill_catalogue_run(const std::filesystem::path& takes) {
-  const std::string program = std::string(RAYSTAGE_BIN_DIR) + "/raystage-verify";
+  const std::string program = testing::commands_folder() / "raystage-verify";
   const pid_t process = ::fork();
   ASSERT_GE(process, 0);
   if (process == 0) {

@@ -14,6 +14,7 @@
 
 #include "store/take.h"
 #include "testing/cli/render_command_test_data.h"
+#include "testing/test_paths.h"
 
 namespace raystage::testing {
 namespace {
@@ -92,7 +93,7 @@ TEST_F(PackCommandTest, AKilledCommandLeavesTheSourceAndNoTarget) {
   fs::copy(path("take"), path("before"), fs::copy_options::recursive);
   int killed = 0;
   for (int wait = 0; wait < 40; wait += 4) {
-    const std::string program = std::string(RAYSTAGE_BIN_DIR) + "/raystage-pack";
+    const std::string program = testing::commands_folder() / "raystage-pack";
     std::vector<std::string> words{program, path("take").string(), "-o", path("packed").string(),
                                    "-q"};
     std::vector<char*> argv;

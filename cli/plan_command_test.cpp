@@ -14,6 +14,7 @@
 #include "testing/cli/test_command.h"
 #include "testing/compose/sequence_test_data.h"
 #include "testing/test_folder.h"
+#include "testing/test_paths.h"
 
 namespace raystage::cli {
 namespace {
@@ -188,8 +189,7 @@ TEST_F(PlanCommand, EpiSaysWhereNothingCanBeMeasured) {
 
 // docs/planning.md states the results of the examples.
 TEST_F(PlanCommand, ArrayOfTheExamples) {
-  const std::filesystem::path examples =
-      std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "examples/arrays";
+  const std::filesystem::path examples = testing::source_folder() / "examples/arrays";
   for (const auto& [name, columns, rows] :
        {std::tuple{"prototype", 8, 8}, {"cinema_wall", 18, 7}, {"immersive_box", 17, 17}}) {
     const testing::CommandResult result = testing::run_raystage(
@@ -224,7 +224,7 @@ TEST_F(PlanCommand, ArrayOfTheExamples) {
 
 TEST_F(PlanCommand, CoverageOfSeveralRigs) {
   const std::string rigs = "'" + path("rig.json") + "' '" + path("other.json") + "' ";
-  ASSERT_EQ(testing::run_raystage("plan array '" + std::string(RAYSTAGE_SOURCE_DIR) +
+  ASSERT_EQ(testing::run_raystage("plan array '" + testing::source_folder().string() +
                                   "/examples/arrays/prototype.json' --rig " + path("rig.json"))
                 .exit_code,
             0);
@@ -246,8 +246,7 @@ TEST_F(PlanCommand, CoverageOfSeveralRigs) {
 }
 
 TEST_F(PlanCommand, ArrayThatIsNotSufficientOrWrong) {
-  std::string text =
-      read_file(std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "examples/arrays/prototype.json");
+  std::string text = read_file(testing::source_folder() / "examples/arrays/prototype.json");
   const auto with = [&](const std::string& from, const std::string& to) {
     std::string changed = text;
     changed.replace(changed.find(from), from.size(), to);

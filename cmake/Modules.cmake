@@ -3,10 +3,12 @@
 
 # Tests are compiled with -O1, which takes two thirds of the time of -O3, and with -O0 under sanitizers,
 # which halves it again.
-set(RAYSTAGE_TEST_OPTIMISATION -O1)
+set(RAYSTAGE_TEST_OPTIONS -O1)
 if(RAYSTAGE_SANITIZE)
-  set(RAYSTAGE_TEST_OPTIMISATION -O0)
+  set(RAYSTAGE_TEST_OPTIONS -O0)
 endif()
+# Assertions name files as they are in the project: checkouts that share a compiler cache share objects.
+list(APPEND RAYSTAGE_TEST_OPTIONS "-fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=")
 set(RAYSTAGE_COMMAND_OPTIMISATION -O1)  # they parse options and print results: nothing to gain from more
 include(PrecompiledHeaders)
 
@@ -62,11 +64,9 @@ function(raystage_test NAME)
   set_source_files_properties(${ARG_ALONE} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   add_executable(raystage_${NAME}_test ${ARG_SOURCES} ${ARG_ALONE})
   target_link_libraries(raystage_${NAME}_test PRIVATE raystage_compiler ${ARG_LINKS}
-                        GTest::gtest_main GTest::gmock)
-  target_compile_options(raystage_${NAME}_test PRIVATE ${RAYSTAGE_TEST_OPTIMISATION})
+                        raystage_testing GTest::gtest_main GTest::gmock)
+  target_compile_options(raystage_${NAME}_test PRIVATE ${RAYSTAGE_TEST_OPTIONS})
   raystage_precompiled(raystage_${NAME}_test raystage_test_headers)
-  target_compile_definitions(raystage_${NAME}_test PRIVATE
-    RAYSTAGE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" RAYSTAGE_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   # CMake 3.25 cannot give discovered tests a list of labels; those of a folder count for all of its tests.
   set_property(DIRECTORY APPEND PROPERTY LABELS ${ARG_LABELS})
   gtest_discover_tests(raystage_${NAME}_test DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60

@@ -52,7 +52,7 @@ if(RAYSTAGE_PRECOMPILED_HEADERS)
   if(RAYSTAGE_TESTS)
     raystage_header_host(raystage_test_headers executable
                          HEADERS ${common_headers} <gmock/gmock.h> <gtest/gtest.h>
-                         OPTIONS ${RAYSTAGE_TEST_OPTIMISATION}
+                         OPTIONS ${RAYSTAGE_TEST_OPTIONS}
                          LINKS Eigen3::Eigen fmt::fmt GTest::gtest GTest::gmock)
   endif()
 endif()

@@ -17,6 +17,7 @@
 #include "store/jpeg/decode.h"
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
+#include "testing/test_paths.h"
 
 namespace raystage::evaluation {
 namespace {
@@ -101,8 +102,7 @@ TEST_F(MeasuredTake, CsvAndJsonSayTheSameAndAreDocumented) {
   EXPECT_NEAR(document["rows"][0]["spacing_m"].get<double>(), 0.03 * std::sqrt(2), 1e-9);
   const std::string csv = bench_as_csv(trade);
   const std::string heading = csv.substr(0, csv.find("\r\n"));
-  const std::string documentation =
-      read_file(std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "docs/formats/trade.md");
+  const std::string documentation = read_file(testing::source_folder() / "docs/formats/trade.md");
   for (const auto& [name, value] : document["rows"][0].items()) {
     EXPECT_THAT(documentation, HasSubstr("`" + name + "`"));
     if (name == "psnr_db_by_view" || name == "notes") continue;  // lists

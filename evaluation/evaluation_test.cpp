@@ -16,6 +16,7 @@
 #include "store/jpeg/decode.h"
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
+#include "testing/test_paths.h"
 
 namespace raystage::evaluation {
 namespace {
@@ -207,7 +208,7 @@ TEST_F(EvaluatedTake, ReportsAllOptionsAndWhatTheMethodHasToSay) {
   ASSERT_EQ(json["notes"].size(), 1U);
   EXPECT_THAT(json["notes"][0].get<std::string>(), HasSubstr("only 512 are used"));
   const std::string documentation =
-      read_file(std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "docs/formats/evaluation.md");
+      read_file(testing::source_folder() / "docs/formats/evaluation.md");
   for (const auto& [name, value] : json.items()) {
     EXPECT_THAT(documentation, HasSubstr("\"" + name + "\":"));
   }

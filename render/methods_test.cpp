@@ -13,6 +13,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "testing/test_paths.h"
 
 namespace raystage::render {
 namespace {
@@ -107,7 +108,7 @@ void expect_generated_table(const std::filesystem::path& file, const std::string
 
 // A new method needs no hand in these tables.
 TEST(Methods, TablesInTheDocumentsAreUpToDate) {
-  const std::filesystem::path docs = RAYSTAGE_SOURCE_DIR "/docs";
+  const std::filesystem::path docs = testing::source_folder() / "docs";
   expect_generated_table(docs / "artist.md", described_methods());
   expect_generated_table(docs / "farm.md", distributed_methods());
   const std::string performance = read_file(docs / "performance.md");

@@ -7,6 +7,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "testing/test_paths.h"
 
 namespace raystage::replay {
 namespace {
@@ -55,7 +56,7 @@ int count_paths(const nlohmann::json& schema) {
 
 TEST(ShotPaths, AreAllThoseOfTheSchema) {
   const auto schema =
-      nlohmann::json::parse(read_file(RAYSTAGE_SOURCE_DIR "/schemas/shot.schema.json"));
+      nlohmann::json::parse(read_file(testing::source_folder() / "schemas/shot.schema.json"));
   EXPECT_EQ(count_paths(schema), 8) << "add a new path to kPaths in shot_paths.cpp";
 }
 

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "testing/test_data.h"
 
 namespace raystage::rig {
 namespace {
@@ -93,9 +94,7 @@ TEST(CameraModel, NothingAtOrBehindTheCamerasPlane) {
 }
 
 TEST(CameraModel, RoundTripsRealWebcams) {
-  const char* folder = std::getenv("RAYSTAGE_DATA");
-  const std::filesystem::path data =
-      folder != nullptr ? folder : RAYSTAGE_SOURCE_DIR "/../shared/data";
+  const std::filesystem::path data = testing::test_data();
   std::ifstream file(data / "four_webcams" / "camera_array.toml");
   if (!file) GTEST_SKIP() << "no four_webcams/camera_array.toml in " << data;
   std::stringstream text;

@@ -15,6 +15,7 @@
 #include "store/timeline_file.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
+#include "testing/test_paths.h"
 
 namespace raystage::store::timeline_test {
 namespace {
@@ -331,8 +332,8 @@ TEST_F(TimelineFile, KeepsEveryCamerasClock) {
 
 TEST_F(TimelineFile, ReadsVersionOne) {
   // A file of the first release: two cameras, no clocks.
-  const auto bytes = testing::bytes_of(std::filesystem::path(RAYSTAGE_SOURCE_DIR) /
-                                       "tests/fuzz/corpus/timeline/file");
+  const auto bytes =
+      testing::bytes_of(testing::source_folder() / "tests/fuzz/corpus/timeline/file");
   const Timeline timeline = decode_timeline(std::span(bytes).subspan(1), 1, 2, "");
   EXPECT_TRUE(timeline.clocks.empty());
   ASSERT_FALSE(timeline.ticks.empty());

@@ -12,6 +12,7 @@
 #include "store/jpeg/inverse_dct.h"
 #include "testing/store/test_encoder.h"
 #include "testing/store/test_images.h"
+#include "testing/test_data.h"
 #include "testing/test_simd_targets.h"
 
 namespace raystage::store {
@@ -264,7 +265,7 @@ TEST(DecodeRegion, RefusesDamageAndGoesOnWithTheNextFrame) {
 }
 
 TEST(DecodeRegion, EqualsTheFullDecodeOnPhotographs) {
-  const auto data = testing::data_folder();
+  const auto data = testing::test_data();
   if (!std::filesystem::exists(data / "shop/cameras/r0c0.jpg"))
     GTEST_SKIP() << "no data sets at " << data;
   for (const char* name :

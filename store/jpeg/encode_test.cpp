@@ -13,6 +13,7 @@
 #include "store/jpeg/libjpeg.h"
 #include "testing/store/test_encoder.h"
 #include "testing/store/test_images.h"
+#include "testing/test_data.h"
 
 namespace raystage::store {
 namespace {
@@ -179,7 +180,7 @@ TEST(AddRestartMarkers, RefusesDamage) {
 }
 
 TEST(AddRestartMarkers, CostsLittleOnPhotographs) {
-  const auto file = testing::data_folder() / "shop/cameras/r0c0.jpg";
+  const auto file = testing::test_data() / "shop/cameras/r0c0.jpg";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no data set at " << file;
   const Bytes before = testing::read_bytes(file);
   expect_same_picture(before, -1, "shop");

@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <string>
 
+#include "testing/test_paths.h"
+
 namespace raystage::testing {
 
 struct CommandResult {
@@ -17,7 +19,8 @@ struct CommandResult {
 /// Runs `raystage ARGUMENTS` in the shell.
 inline CommandResult run_raystage(const std::string& arguments) {
   CommandResult result;
-  const std::string command = "'" RAYSTAGE_BIN_DIR "/raystage' " + arguments + " 2>&1";
+  const std::string command =
+      "'" + commands_folder().string() + "/raystage' " + arguments + " 2>&1";
   std::FILE* pipe = popen(command.c_str(), "r");
   if (pipe == nullptr) return result;
   std::array<char, 4096> buffer{};

@@ -37,12 +37,6 @@ inline store::RgbImage make(Kind kind, int width, int height, std::uint32_t seed
   return image;
 }
 
-/// Returns the folder of the shared data sets, which may not exist.
-inline std::filesystem::path data_folder() {
-  if (const char* folder = std::getenv("RAYSTAGE_DATA")) return folder;
-  return RAYSTAGE_SOURCE_DIR "/../shared/data";
-}
-
 inline std::vector<std::byte> read_bytes(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   const std::vector<char> chars{std::istreambuf_iterator<char>(stream), {}};

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "testing/test_paths.h"
 #include "tests/end_to_end/disk_recording.h"
 
 namespace raystage {
@@ -17,10 +18,10 @@ class BadDisk : public testing::DiskRecordingTest {
  protected:
   CommandResult record(const std::string& fault, double seconds,
                        const std::string& options = "--status json") const {
-    return here(
-        "export BAD_DISK_FOLDER=" + take().string() + " BAD_DISK='" + fault + "'" + kSanitizer +
-        "; LD_PRELOAD='" RAYSTAGE_BAD_DISK "' raystage record record.json -o take --duration " +
-        std::to_string(seconds) + " " + options);
+    return here("export BAD_DISK_FOLDER=" + take().string() + " BAD_DISK='" + fault + "'" +
+                kSanitizer + "; LD_PRELOAD='" + testing::disk_faults_library().string() +
+                "' raystage record record.json -o take --duration " + std::to_string(seconds) +
+                " " + options);
   }
   std::filesystem::path take() const { return folder() / "take"; }
 
@@ -133,8 +134,7 @@ TEST_F(BadDisk, AMirrorThatIsSlowOrFailsCostsNoFrame) {
     std::filesystem::create_directory(folder() / "disk");
     const CommandResult result =
         here("export BAD_DISK_FOLDER=" + (folder() / "disk").string() + " BAD_DISK='" + fault +
-             "'" + kSanitizer +
-             "; LD_PRELOAD='" RAYSTAGE_BAD_DISK
+             "'" + kSanitizer + "; LD_PRELOAD='" + testing::disk_faults_library().string() +
              "' raystage record record.json -o take --mirror disk --memory 3 --status none "
              "--duration 6");
     EXPECT_EQ(result.exit_code, 4) << result.err;

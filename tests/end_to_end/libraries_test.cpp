@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "testing/test_paths.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -19,7 +20,7 @@ class LibrariesLoadedBy : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(LibrariesLoadedBy, NoneOfAnImageStack) {
   const CommandResult loaded =
-      run(std::string("ldd '" RAYSTAGE_BIN_DIR "/raystage-") + GetParam() + "'");
+      run("ldd '" + testing::commands_folder().string() + "/raystage-" + GetParam() + "'");
   ASSERT_EQ(loaded.exit_code, 0) << loaded.err;
   EXPECT_THAT(loaded.out, HasSubstr("libstdc++"));
   for (const char* library : {"libOpenImageIO", "libopencv", "libassimp", "libOpenEXR"}) {

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "testing/test_folder.h"
+#include "testing/test_paths.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -117,7 +118,8 @@ TEST_F(RecordCeiling, AlsoIfTheDiskStalls) {
   const CommandResult result =
       record("--duration 7 --memory-ceiling 560",
              "export BAD_DISK_FOLDER=\"$PWD/take\" BAD_DISK='STALL 300000 2' && "
-             "LD_PRELOAD='" RAYSTAGE_BAD_DISK "' ");
+             "LD_PRELOAD='" +
+                 testing::disk_faults_library().string() + "' ");
   EXPECT_EQ(result.exit_code, 3) << result.err;
   expect_good_cameras_whole(560);
   EXPECT_GT(session().at("memory_peak_bytes"), 500'000) << "the disk did not stall";

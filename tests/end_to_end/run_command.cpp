@@ -15,6 +15,8 @@
 #include <stdexcept>
 #include <thread>
 
+#include "testing/test_data.h"
+#include "testing/test_paths.h"
 #include "testing/test_permissions.h"
 
 namespace raystage::testing {
@@ -58,7 +60,8 @@ struct Running {
 };
 
 void start(Running& running, const std::string& command, const CommandLimits& lacks) {
-  const std::string whole = "export PATH='" RAYSTAGE_BIN_DIR ":'\"$PATH\"; " + command;
+  const std::string whole =
+      "export PATH='" + testing::commands_folder().string() + ":'\"$PATH\"; " + command;
   running.child = fork();
   if (running.child == 0) {
     setpgid(0, 0);
@@ -114,10 +117,7 @@ CommandResult run_and_signal(const std::string& command, int signal,
 }
 
 std::optional<std::filesystem::path> find_captured_data(const std::string& set) {
-  const char* given = std::getenv("RAYSTAGE_DATA");
-  const std::filesystem::path folder =
-      given != nullptr ? std::filesystem::path(given)
-                       : std::filesystem::path(RAYSTAGE_SOURCE_DIR) / ".." / "shared" / "data";
+  const std::filesystem::path folder = testing::test_data();
   if (!std::filesystem::exists(folder / set)) return std::nullopt;
   return folder / set;
 }

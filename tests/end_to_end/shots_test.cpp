@@ -11,6 +11,7 @@
 #include "images/exr_reader.h"
 #include "schemas/shot_document.h"
 #include "testing/test_folder.h"
+#include "testing/test_paths.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -20,7 +21,7 @@ using testing::CommandResult;
 using ::testing::HasSubstr;
 using testing::run;
 
-const std::filesystem::path kShots = std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "docs/shots";
+const std::filesystem::path kShots = testing::source_folder() / "docs/shots";
 
 class Shots : public ::testing::Test {
  protected:

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "testing/test_folder.h"
+#include "testing/test_paths.h"
 #include "testing/test_permissions.h"
 #include "tests/end_to_end/run_command.h"
 #include "tests/end_to_end/small_manifest.h"
@@ -134,7 +135,8 @@ TEST_P(Unwritable, AFullDiskChangesNothing) {
 
 TEST_P(Unwritable, AFolderWithoutPermissionChangesNothing) {
   testing::make_world_writable(folder());
-  for (const std::string& path : {folder().string(), std::string(RAYSTAGE_BIN_DIR "/raystage")}) {
+  for (const std::string& path :
+       {folder().string(), (testing::commands_folder() / "raystage").string()}) {
     const std::string closed = testing::unprivileged_access_error(path);
     if (!closed.empty()) GTEST_SKIP() << closed;
   }

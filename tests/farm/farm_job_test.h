@@ -12,6 +12,7 @@
 #include <string>
 #include <thread>
 
+#include "testing/test_paths.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage::testing {
@@ -65,7 +66,7 @@ class FarmJobTest : public ::testing::Test {
   void replace_render_program(const std::string& script) const {
     const auto bin = folder_ / "bin";
     std::filesystem::create_directories(bin);
-    for (const auto& file : std::filesystem::directory_iterator(RAYSTAGE_BIN_DIR)) {
+    for (const auto& file : std::filesystem::directory_iterator(testing::commands_folder())) {
       const std::string program = file.path().filename().string();
       if (!program.starts_with("raystage") || program.ends_with("_test")) continue;
       // Hard links: a program finds the others next to its own name.
@@ -74,12 +75,12 @@ class FarmJobTest : public ::testing::Test {
       if (other_disk) std::filesystem::copy_file(file.path(), bin / program);
     }
     // Programs find those of lib/raystage beside the folder that they stand in.
-    std::filesystem::create_directory_symlink(
-        std::filesystem::path(RAYSTAGE_BIN_DIR).parent_path() / "lib", folder_ / "lib");
+    std::filesystem::create_directory_symlink(testing::commands_folder().parent_path() / "lib",
+                                              folder_ / "lib");
     std::filesystem::remove(bin / "raystage-render");
-    write_text(bin / "raystage-render", "#!/bin/bash\nTRUE_RENDER='" RAYSTAGE_BIN_DIR
-                                        "/raystage-render'\n" +
-                                            script + "\nexec \"$TRUE_RENDER\" \"$@\"\n");
+    write_text(bin / "raystage-render",
+               "#!/bin/bash\nTRUE_RENDER='" + testing::commands_folder().string() +
+                   "/raystage-render'\n" + script + "\nexec \"$TRUE_RENDER\" \"$@\"\n");
     std::filesystem::permissions(bin / "raystage-render", std::filesystem::perms::all);
   }
 

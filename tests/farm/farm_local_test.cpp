@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "farm/slurm_scripts.h"
+#include "testing/test_paths.h"
 #include "tests/farm/farm_job_test.h"
 
 namespace raystage::testing {
@@ -245,9 +246,10 @@ TEST_F(FarmLocal, AQuotaThatIsUsedUpIsTheNodesFault) {
             0);
   // Only a write detects the quota. The job folder moves to a folder without one.
   std::filesystem::rename(folder_ / "out" / "s.farm", folder_ / "s.farm");
-  const CommandResult task = here("BAD_DISK_FOLDER='" + (folder_ / "out").string() +
-                                  "' BAD_DISK='EDQUOT 200000 999' LD_PRELOAD=" RAYSTAGE_BAD_DISK
-                                  " raystage farm task s.farm/job-0001 render 0");
+  const CommandResult task =
+      here("BAD_DISK_FOLDER='" + (folder_ / "out").string() +
+           "' BAD_DISK='EDQUOT 200000 999' LD_PRELOAD='" + testing::disk_faults_library().string() +
+           "' raystage farm task s.farm/job-0001 render 0");
   EXPECT_NE(task.exit_code, 0);
   std::filesystem::rename(folder_ / "s.farm", folder_ / "out" / "s.farm");
   const auto report = status("out/s.####.exr");
@@ -267,8 +269,9 @@ TEST_F(FarmLocal, StaleHandlesAreAwaited) {
                 .exit_code,
             0);
   const std::string verify = "BAD_DISK_FOLDER='" + (folder_ / "out").string() +
-                             "' BAD_DISK='ESTALE 0 2' LD_PRELOAD=" RAYSTAGE_BAD_DISK
-                             " raystage farm task out/s.farm/job-0001 verify --patience ";
+                             "' BAD_DISK='ESTALE 0 2' LD_PRELOAD='" +
+                             testing::disk_faults_library().string() +
+                             "' raystage farm task out/s.farm/job-0001 verify --patience ";
   // Let only frames fail: the job's records are in the same folder, and a task needs them to start.
   std::filesystem::rename(folder_ / "out" / "s.farm", folder_ / "s.farm");
   const auto moved = [&](const std::string& patience) {

@@ -2,6 +2,7 @@
 // Tests distributed jobs on a real Slurm cluster: each node has the archive of one camera.
 #include <unistd.h>
 
+#include "testing/test_paths.h"
 #include "tests/farm/farm_job_test.h"
 #include "tests/farm/frame_difference.h"
 
@@ -33,8 +34,8 @@ class FarmSlurmRanks : public FarmJobTest {
   }
 
   CommandResult cluster(const std::string& verb) const {
-    return run(RAYSTAGE_SOURCE_DIR "/tests/farm/cluster.sh '" + (folder_ / "c").string() + "' " +
-               verb);
+    return run(testing::source_folder().string() + "/tests/farm/cluster.sh '" +
+               (folder_ / "c").string() + "' " + verb);
   }
   CommandResult on_cluster(const std::string& command) const {
     return here("export SLURM_CONF='" + (folder_ / "c" / "slurm.conf").string() + "'; " + command);

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <set>
 
+#include "testing/test_paths.h"
 #include "tests/farm/farm_job_test.h"
 
 namespace raystage::testing {
@@ -36,8 +37,8 @@ class FarmSlurm : public FarmJobTest {
     FarmJobTest::TearDown();
   }
   CommandResult cluster(const std::string& verb) const {
-    return run(RAYSTAGE_SOURCE_DIR "/tests/farm/cluster.sh '" + (folder_ / "c").string() + "' " +
-               verb);
+    return run(testing::source_folder().string() + "/tests/farm/cluster.sh '" +
+               (folder_ / "c").string() + "' " + verb);
   }
   void start(const std::string& more = "") const {
     const CommandResult started = cluster("start 4 " + more);

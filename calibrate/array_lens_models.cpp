@@ -11,12 +11,12 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <span>
 #include <utility>
 
 #include "base/error.h"
 #include "calibrate/geometry/lens_comparison.h"
+#include "calibrate/geometry/model_selection.h"
 #include "calibrate/geometry/triangulation.h"
 #include "schemas/projection_names.h"
 
@@ -27,16 +27,16 @@ using schemas::Projection;
 
 constexpr double kMostErrorPx = 3;
 
-/// The squared errors of a held-out point, and how many they are.
-struct PointError {
-  double sum = 0;
-  int count = 0;
-};
-using PointErrors = std::map<int, PointError>;  ///< by the number of the point
+/// By the number of the point, or of the board: the corners of a board share its errors.
+using ErrorsByGroup = std::map<int, HeldOutError>;
+
+int points_in_group(const BoardObjectPoints& board) {
+  return board.empty() ? 1 : static_cast<int>(board.size());
+}
 
 /// Returns the detections of the points in one half: every second point, or board.
 Detections half_of(const Detections& detections, const BoardObjectPoints& board, int half) {
-  const int group = board.empty() ? 1 : static_cast<int>(board.size());
+  const int group = points_in_group(board);
   Detections part{detections.cameras, {}};
   // By order, not by number: frames that were thinned out may all be even.
   int order = -1, last = -1;
@@ -48,9 +48,10 @@ Detections half_of(const Detections& detections, const BoardObjectPoints& board,
   return part;
 }
 
-/// Adds the errors of points with calibrated cameras; returns the sum of the squared displacements
-/// by the distortion terms.
-double add_errors(const ArrayModel& calibrated, const Detections& held_out, PointErrors& errors) {
+/// Adds the errors of points with calibrated cameras, and their displacements by the distortion
+/// terms where both models show them.
+void add_errors(const ArrayModel& calibrated, const Detections& held_out, int group,
+                ErrorsByGroup& errors, HeldOutError& displacement) {
   ArrayModel model = make_initial_model(held_out, 1);
   for (std::size_t i = 0; i < model.cameras.size(); ++i) {
     model.cameras[i].intrinsics = calibrated.cameras[i].intrinsics;
@@ -64,9 +65,9 @@ double add_errors(const ArrayModel& calibrated, const Detections& held_out, Poin
     camera.intrinsics.radial_distortion = {};
   }
   const CameraModels undistorted = camera_models(ideal);
-  double displacement = 0;
   for (const ArrayModel::Observation& observation : model.observations) {
-    PointError& error = errors[model.point_ids[static_cast<std::size_t>(observation.point)]];
+    HeldOutError& error =
+        errors[model.point_ids[static_cast<std::size_t>(observation.point)] / group];
     double squared = kMostErrorPx * kMostErrorPx;
     if (model.counts(observation)) {
       const auto residual = reprojection_residual(model, lenses, observation);
@@ -77,36 +78,26 @@ double add_errors(const ArrayModel& calibrated, const Detections& held_out, Poin
     const auto camera = static_cast<std::size_t>(observation.camera);
     const auto ray = lenses[camera].unproject(observation.pixel);
     const auto moved = ray ? undistorted[camera].project(*ray) : std::nullopt;
-    if (moved) displacement += (*moved - observation.pixel).squaredNorm();
+    if (!moved) continue;
+    displacement.sum += (*moved - observation.pixel).squaredNorm();
+    ++displacement.count;
   }
-  return displacement;
 }
 
-/// Returns whether points fit a model worse than another one, as boards do in lens_comparison.cpp.
-bool points_fit_worse(const PointErrors& model, const PointErrors& other) {
-  constexpr double kLeast = 1e-12;  // pixels squared
-  std::vector<double> ratios;
-  for (const auto& [point, error] : model) {
-    const auto found = other.find(point);
+/// Returns whether points or boards fit a model worse than another one.
+bool fit_worse_in_common(const ErrorsByGroup& model, const ErrorsByGroup& other) {
+  std::vector<HeldOutError> of_model, of_other;
+  for (const auto& [group, error] : model) {
+    const auto found = other.find(group);
     if (found == other.end()) continue;
-    ratios.push_back(std::log((error.sum + kLeast) / (found->second.sum + kLeast)));
+    of_model.push_back(error);
+    of_other.push_back(found->second);
   }
-  const auto count = static_cast<double>(ratios.size());
-  if (ratios.size() < 2) return false;
-  const double mean = std::accumulate(ratios.begin(), ratios.end(), 0.0) / count;
-  double squares = 0;
-  for (const double ratio : ratios) squares += (ratio - mean) * (ratio - mean);
-  return mean > 2 * std::sqrt(squares / (count - 1) / count);
-}
-
-std::string compared_name(Projection projection) {
-  return projection == Projection::kFisheye ? "fisheye = ftheta"
-                                            : std::string(schemas::name_of(projection));
+  return fit_worse(of_model, of_other);
 }
 
 std::string_view fit_rank(const ArrayLensModelComparison& comparison, std::size_t fit) {
-  if (fit == comparison.best) return "best";
-  return comparison.fits[fit].is_distinct ? "worse" : "not distinguishable";
+  return model_rank(fit == comparison.best, comparison.fits[fit].is_distinct);
 }
 
 }  // namespace
@@ -125,29 +116,26 @@ CalibrationOptions with_lens_model(CalibrationOptions options, std::size_t camer
 ArrayLensModelComparison compare_array_lens_models(const Detections& detections,
                                                    const CalibrationOptions& options) {
   ArrayLensModelComparison comparison;
-  std::vector<PointErrors> errors;
+  comparison.are_boards = !options.board.empty();
+  std::vector<ErrorsByGroup> errors;
   for (const Projection projection : compared_projections()) {
     ArrayLensModelFit& fit = comparison.fits.emplace_back();
-    PointErrors& of_model = errors.emplace_back();
+    ErrorsByGroup& of_model = errors.emplace_back();
     fit.projection = projection;
     CalibrationOptions settings = with_lens_model(options, detections.cameras.size(), projection);
     settings.solve.on_step = {};
     try {
-      double displacement = 0;
+      HeldOutError displacement;
       for (int half = 0; half < 2; ++half) {
         const Calibration found = calibrate(half_of(detections, options.board, half), settings);
-        displacement +=
-            add_errors(found.model, half_of(detections, options.board, 1 - half), of_model);
+        const Detections held_out = half_of(detections, options.board, 1 - half);
+        add_errors(found.model, held_out, points_in_group(options.board), of_model, displacement);
       }
-      double sum = 0;
-      int count = 0;
-      for (const auto& [point, error] : of_model) {
-        sum += error.sum;
-        count += error.count;
-      }
-      fit.held_out_rms_px = std::sqrt(sum / std::max(count, 1));
-      fit.distortion_px = std::sqrt(displacement / std::max(count, 1));
-      comparison.points = static_cast<int>(of_model.size());
+      std::vector<HeldOutError> all;
+      for (const auto& [group, error] : of_model) all.push_back(error);
+      fit.held_out_rms_px = rms_of(all);
+      fit.distortion_px = rms_of({&displacement, 1});
+      comparison.held_out = static_cast<int>(of_model.size());
     } catch (const Error& error) {
       if (options.solve.stop.stop_requested()) throw;
       fit.failure = error.what();
@@ -163,19 +151,16 @@ ArrayLensModelComparison compare_array_lens_models(const Detections& detections,
         .concerning({"lens_model"});
   }
   const auto of_least = static_cast<std::size_t>(least - comparison.fits.begin());
-  std::optional<std::size_t> simplest;
+  std::vector<bool> is_worse;
+  std::vector<double> distortions;
   for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
     ArrayLensModelFit& fit = comparison.fits[k];
     fit.is_distinct =
-        !fit.failure.empty() || (k != of_least && points_fit_worse(errors[k], errors[of_least]));
-    if (fit.is_distinct) continue;
-    // The pinhole, which all methods render, is the first.
-    if (!simplest || (comparison.fits[*simplest].projection != Projection::kPinhole &&
-                      fit.distortion_px < comparison.fits[*simplest].distortion_px)) {
-      simplest = k;
-    }
+        !fit.failure.empty() || (k != of_least && fit_worse_in_common(errors[k], errors[of_least]));
+    is_worse.push_back(fit.is_distinct);
+    distortions.push_back(fit.distortion_px);
   }
-  comparison.best = simplest.value_or(of_least);
+  comparison.best = simplest_model(is_worse, distortions).value_or(of_least);
   return comparison;
 }
 
@@ -206,10 +191,11 @@ std::string format_array_lens_models(const ArrayLensModelComparison& comparison)
   std::string text;
   for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
     const ArrayLensModelFit& fit = comparison.fits[k];
-    text += fmt::format("Model      {:<16} ", compared_name(fit.projection));
+    text += fmt::format("Model      {:<16} ", compared_model_name(fit.projection));
     text += fit.failure.empty()
-                ? fmt::format("{:.3f} px RMS of {} points held out: {}\n", fit.held_out_rms_px,
-                              comparison.points, fit_rank(comparison, k))
+                ? fmt::format("{:.3f} px RMS of {} {} held out: {}\n", fit.held_out_rms_px,
+                              comparison.held_out, comparison.are_boards ? "boards" : "points",
+                              fit_rank(comparison, k))
                 : "does not fit: " + fit.failure + "\n";
   }
   return text;

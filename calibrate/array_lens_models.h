@@ -16,8 +16,8 @@ struct ArrayLensModelFit {
   /// is tested with the cameras that the other half determines; only the positions of its points
   /// are fitted. Errors above 3 px count as 3 px, points that cannot be placed too.
   double held_out_rms_px = 0;
-  /// Whether the held-out points tell it from the model with the least error: the mean logarithm of
-  /// the ratio of their squared errors is more than two standard errors above 0.
+  /// Whether the held-out points, or boards, fit it worse than the model with the least error: see
+  /// fit_worse().
   bool is_distinct = false;
   double distortion_px = 0;  ///< RMS displacement of the held-out points by the distortion terms
   std::string failure;       ///< why the model cannot be fitted; empty: it is
@@ -27,7 +27,8 @@ struct ArrayLensModelFit {
 struct ArrayLensModelComparison {
   std::vector<ArrayLensModelFit> fits;
   std::size_t best = 0;  ///< as LensModelComparison::best
-  int points = 0;        ///< that were held out, each once
+  int held_out = 0;      ///< points or boards, each once
+  bool are_boards = false;
 };
 
 /// Returns the settings for cameras that all have one lens model. Half angles remain.

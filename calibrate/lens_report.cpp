@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "calibrate/geometry/model_selection.h"
 #include "schemas/projection_names.h"
 
 namespace raystage::calibrate {
@@ -16,23 +17,16 @@ namespace {
 using Json = nlohmann::ordered_json;
 using schemas::Projection;
 
-/// Returns the name of a compared model; the fisheye stands for f-theta lenses, too.
-std::string model_name(Projection projection) {
-  if (projection == Projection::kFisheye) return "fisheye = ftheta";
-  return std::string(schemas::name_of(projection));
-}
-
 /// Returns how a model compares with the one of the least error.
 std::string_view rank_of(const LensModelComparison& comparison, std::size_t fit) {
-  if (fit == comparison.best) return "best";
-  return comparison.fits[fit].is_distinct ? "worse" : "not distinguishable";
+  return model_rank(fit == comparison.best, comparison.fits[fit].is_distinct);
 }
 
 std::string format_comparison(const LensModelComparison& comparison) {
   std::string text;
   for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
     const LensModelFit& fit = comparison.fits[k];
-    text += fmt::format("Model      {:<16} ", model_name(fit.projection));
+    text += fmt::format("Model      {:<16} ", compared_model_name(fit.projection));
     if (!fit.failure.empty()) {
       text += "does not fit: " + fit.failure + "\n";
       continue;

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <vector>
 
+#include "calibrate/geometry/model_selection.h"
 #include "calibrate/lens_report.h"
 #include "charts/html_page.h"
 #include "charts/svg_chart.h"
@@ -138,23 +139,18 @@ std::string models_section(std::span<const CameraLens> lenses) {
               ? fmt::format("<td>{:.3f}</td><td>{:.3f}</td><td>{:+.0f}</td><td>{}</td>",
                             fit.held_out_rms_px, fit.rms_px,
                             fit.bic - lens.comparison->best_fit().bic,
-                            k == lens.comparison->best ? "best"
-                            : fit.is_distinct          ? "worse"
-                                                       : "not distinguishable")
+                            model_rank(k == lens.comparison->best, fit.is_distinct))
               : fmt::format("<td></td><td></td><td></td><td>does not fit: {}</td>",
                             charts::escape_html(fit.failure));
       rows += fmt::format("<tr><td>{}</td><td>{}</td>{}</tr>\n", charts::escape_html(lens.id),
-                          fit.projection == schemas::Projection::kFisheye
-                              ? std::string("fisheye = ftheta")
-                              : std::string(schemas::name_of(fit.projection)),
-                          result);
+                          compared_model_name(fit.projection), result);
     }
   }
   if (rows.empty()) return "";
   return charts::html_section(
       "Lens models",
       "The best model has the least error on boards that were held out; of models that these do "
-      "not tell apart, the pinhole or the one with the least distortion is used.",
+      "not distinguish, the pinhole or the one with the least distortion is used.",
       "<div class=\"scroll\"><table><thead><tr><th>camera</th><th>model</th><th>held out, px "
       "RMS</th><th>all, px RMS</th><th>BIC, difference</th><th></th></tr></thead><tbody>\n" +
           rows + "</tbody></table></div>\n");

@@ -87,7 +87,6 @@ void check_target(const std::filesystem::path& target, const std::filesystem::pa
 void write_nearest_path(const CheckCommand& command, schemas::ShotDocument shot,
                         const compose::ShotPlan& plan, const std::stop_token& stop) {
   planning::NearestPath path = planning::find_nearest_path(plan, command.shot.string(), stop);
-  if (command.quiet) path.ignored_takes.clear();
   for (const std::string& ignored : path.ignored_takes) {
     print_error("warning: the range of motion of a take is not known, {}\n", ignored);
   }

@@ -109,16 +109,17 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
       .limits(0.01, 100.0);
   command
       .option("--yaw-deg", options->options.yaw_deg,
-              "turn of the views to the left against the array, degrees (default: 0)")
-      .limits(-89.9, 89.9);
+              "turn of the views to the left against the array, degrees (default: 0); 90 or more: "
+              "of arrays that look outwards")
+      .limits(-180.0, 180.0);
   command
       .option("--pitch-deg", options->options.pitch_deg,
               "turn of the views upwards, degrees (default: 0)")
-      .limits(-89.9, 89.9);
+      .limits(-90.0, 90.0);
   command
       .option("--max-yaw-deg", options->options.max_yaw_deg,
               "the views turn by up to that to both sides, degrees (default: 0)")
-      .limits(0.0, 89.9);
+      .limits(0.0, 180.0);
   command.flag("--all-directions", options->options.all_directions,
                "views of all directions instead of those of a field of view");
   command.flag(

@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -63,11 +64,7 @@ class RecordedDepths {
         options_(options),
         imported_(render::read_imported_depths(take)),
         cache_(take, kCacheBytes, store::BlendSpace::kPerceptual),
-        results_(std::size_t{1} << 30) {
-    scene_ = store::scene_depth_range(
-        take, {}, "the export of depths",
-        "Measure the depth range of the take with the epipolar-plane images of plan");
-  }
+        results_(std::size_t{1} << 30) {}
 
   /// Returns the map of each camera of the take; empty without a frame.
   std::vector<InverseDepthMap> at(const store::FrameSelection& tick) {
@@ -103,6 +100,11 @@ class RecordedDepths {
   }
 
   void add_estimated(const store::FrameSelection& tick, std::vector<InverseDepthMap>& maps) {
+    if (!scene_) {
+      scene_ = store::scene_depth_range(
+          take_, {}, "the export of depths",
+          "Measure the depth range of the take with the epipolar-plane images of plan");
+    }
     render::LightFieldFrame whole;
     whole.take = &take_;
     whole.rig = &take_.rig();
@@ -120,7 +122,7 @@ class RecordedDepths {
     const render::LightFieldFrame& instant = facets.frame();
     render::DepthEstimationStatistics work;
     const auto depths = render::depth::depths_with_default_options(
-        instant, results_, options_.working_bytes, options_.stores_depths, scene_, work);
+        instant, results_, options_.working_bytes, options_.stores_depths, *scene_, work);
     const auto same_surface = static_cast<float>(render::DepthEstimationOptions{}.tolerance_px *
                                                  depths->inverse_depth_per_pixel);
     std::vector<char> is_imported(maps.size());
@@ -146,7 +148,7 @@ class RecordedDepths {
   ImportedMaps imported_;
   store::FrameCache cache_;
   render::ResultCache results_;
-  schemas::DepthRange scene_;
+  std::optional<schemas::DepthRange> scene_;  // once it is needed
 };
 
 }  // namespace

@@ -55,7 +55,8 @@ void append_half(float value, DeepSource& source) {
     ++source.not_finite;
     if (std::isnan(value)) finite = 0;
   }
-  source.peak = std::max(source.peak, static_cast<double>(finite));
+  // One infinite sample must not take codes from the others: it is shown at their peak.
+  if (std::isfinite(value)) source.peak = std::max(source.peak, static_cast<double>(finite));
   source.picture.samples.push_back(half_from_float(finite));
 }
 

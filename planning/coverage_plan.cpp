@@ -235,9 +235,10 @@ bool CoverageOptions::is_valid(std::string* reason) const {
   }
   if (view_fov_deg.empty() || shares.empty()) return refuse("give a field of view and a share");
   if (!(aspect >= 0.01 && aspect <= 100)) return refuse("the aspect ratio must be 0.01 to 100");
-  for (const double angle : {yaw_deg - max_yaw_deg, yaw_deg + max_yaw_deg, pitch_deg}) {
-    if (!(std::abs(angle) < 90)) return refuse("the views must turn by less than 90 degrees");
+  if (!(std::abs(yaw_deg) <= 180 && max_yaw_deg <= 180)) {
+    return refuse("the views must turn by at most 180 degrees");
   }
+  if (!(std::abs(pitch_deg) <= 90)) return refuse("the pitch must be at most 90 degrees");
   if (!(max_yaw_deg >= 0)) return refuse("the range of the yaw must not be negative");
   if (!(interaxial_m >= 0 && std::isfinite(interaxial_m))) {
     return refuse("the distance of the eyes must be 0 or more");
@@ -251,6 +252,10 @@ bool CoverageOptions::is_valid(std::string* reason) const {
   if (max_vertices < 6) return refuse("a surface has at least 6 vertices");
   if (!(tolerance_m >= 1e-5)) return refuse("the tolerance must be at least 0.01 mm");
   return true;
+}
+
+bool CoverageOptions::has_views_back() const {
+  return std::abs(yaw_deg) + max_yaw_deg >= 90 || std::abs(pitch_deg) >= 90;
 }
 
 Vector3d CoverageVolume::extent() const {
@@ -270,6 +275,10 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
     throw Error::bad_input("the rig has no cameras", name, "Give a rig with cameras");
   }
   if (is_outward_array(rig)) return plan_outward_coverage(name, rig, options, progress, stop);
+  if (options.has_views_back()) {
+    throw Error::bad_input("views before an array in a plane must turn by less than 90 degrees",
+                           name, "Correct the views");
+  }
   if (options.subject && !(options.subject->depth_m > options.subject->size_m / 2)) {
     throw Error::bad_input("the subject must be in front of the array", name,
                            "Give a larger depth");
@@ -300,9 +309,13 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
 }
 
 CoveragePlan plan_subject_coverage(const std::string& name, const rig::Rig& rig,
-                                   const Vector3d& point, double size) {
-  if (is_outward_array(rig)) return plan_outward_subject_coverage(name, rig, point, size);
+                                   const Vector3d& point, double size,
+                                   const CoverageOptions& options, const std::stop_token& stop) {
+  if (is_outward_array(rig)) {
+    return plan_outward_subject_coverage(name, rig, point, size, options, stop);
+  }
   CoveragePlan plan;
+  plan.options = options;
   const CoveragePlanner planner(rig, plan.options);
   plan.name = name;
   plan.array = planner.array();

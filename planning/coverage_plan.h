@@ -44,6 +44,8 @@ struct CoverageOptions {
 
   /// Returns whether the options are in range; otherwise `reason` says what is not.
   bool is_valid(std::string* reason) const;
+  /// Returns whether a view looks back, at 90 degrees or more from the array's direction.
+  bool has_views_back() const;
 };
 
 /// The positions from which a share of a view's rays was recorded, in the array's frame.
@@ -56,8 +58,8 @@ struct CoverageVolume {
   bool is_exact = false;        ///< a polyhedron in closed form (thesis 5.2)
   bool is_lower_bound = false;  ///< that of an ideal array whose rays the cameras recorded
 
-  /// Metres behind the array (+z) beyond which nothing was looked for, although the range goes on:
-  /// that of a subject may have no end there.
+  /// Metres beyond which nothing was looked for, although the range goes on: behind the array (+z),
+  /// of one that looks outwards from a place within the range. That of a subject may have no end.
   std::optional<double> cut_off_m = {};
   bool is_in_parts = false;   ///< there are positions apart from the surface, which has one part
   double error_m = 0;         ///< of the surface, if it is not exact
@@ -106,8 +108,12 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
                            const std::stop_token& stop = {});
 
 /// Computes the range of a subject alone: a cube around `point` (world, metres) with edges of
-/// `size` metres. It is empty if the subject is not in front of the array. Takes milliseconds.
+/// `size` metres. It is empty if the subject is not in front of the array. Takes milliseconds; for
+/// arrays that look outwards seconds, by the tolerance and the vertices of the options. Throws
+/// Error (failed) if stopped.
 CoveragePlan plan_subject_coverage(const std::string& name, const rig::Rig& rig,
-                                   const Eigen::Vector3d& point, double size);
+                                   const Eigen::Vector3d& point, double size,
+                                   const CoverageOptions& options = {},
+                                   const std::stop_token& stop = {});
 
 }  // namespace raystage::planning

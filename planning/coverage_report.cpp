@@ -328,7 +328,8 @@ std::string coverage_plan_as_json(const CoveragePlan& plan) {
   if (plan.looks_around) {
     const rig::Pose& pose = plan.array;
     json["looks_around"] = {{"middle_m", json_of(pose.position)},
-                            {"ahead", json_of(-pose.world_from_camera_rotation.col(2))}};
+                            {"ahead", json_of(-pose.world_from_camera_rotation.col(2))},
+                            {"up", json_of(pose.world_from_camera_rotation.col(1))}};
   }
   if (!plan.arrays.empty()) {
     json["arrays_hide_each_other"] = options.arrays_hide_each_other;

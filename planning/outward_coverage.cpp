@@ -62,6 +62,20 @@ ClosedSurface flat_surface(const Vector3d& centre, std::vector<Vector3d> outline
   return surface;
 }
 
+/// Returns the rotation of a camera without roll that looks along a direction of the world.
+Eigen::Matrix3d level_rotation(const Vector3d& ahead) {
+  constexpr double kVertical = 1e-6;
+  const Vector3d right = ahead.cross(Vector3d::UnitY());
+  if (right.norm() < kVertical) {
+    return Eigen::Quaterniond::FromTwoVectors(-Vector3d::UnitZ(), ahead).toRotationMatrix();
+  }
+  Eigen::Matrix3d rotation;
+  rotation.col(0) = right.normalized();
+  rotation.col(1) = rotation.col(0).cross(ahead);
+  rotation.col(2) = -ahead;
+  return rotation;
+}
+
 class OutwardPlanner {
  public:
   OutwardPlanner(const rig::Rig& rig, const CoverageOptions& options, const std::stop_token& stop)
@@ -109,8 +123,8 @@ class OutwardPlanner {
     return volume;
   }
 
-  /// Returns the positions from which the subject is seen, as far from the middle as thrice the
-  /// array's extent.
+  /// Returns the positions from which the subject is seen, as far from the first one that is found
+  /// as three times the array's extent.
   CoverageVolume volume_of_subject(const CoverageSubject& subject) const {
     constexpr double kFarthest = 3;
     CoverageVolume volume;
@@ -127,7 +141,7 @@ class OutwardPlanner {
           Vector3d(subject.x_m, subject.y_m, -subject.depth_m) + subject.size_m / 2 * side));
     }
     const double reach = std::max(1e-6, kFarthest * extent_);
-    search(
+    const auto centre = search(
         [&](const Vector3d& position) {
           return !stop_.stop_requested() &&
                  is_body_recorded(frame_.world_from_camera(position), corners, rig_, topology_);
@@ -138,23 +152,24 @@ class OutwardPlanner {
     }
     const bool reaches_end =
         std::ranges::any_of(volume.surface.vertices, [&](const Vector3d& vertex) {
-          return vertex.norm() > reach * (1 - 1e-3) - volume.error_m;
+          return (vertex - *centre).norm() > reach * (1 - 1e-3) - volume.error_m;
         });
     if (reaches_end) volume.cut_off_m = reach;
     return volume;
   }
 
  private:
-  /// Searches a volume around the first of some positions that is inside. Leaves the surface empty
-  /// where none is.
+  /// Searches a volume around the first of some positions that is inside, and returns that one.
+  /// Leaves the surface empty where none is.
   template <class IsInside>
-  void search(const IsInside& is_inside, double reach, CoverageVolume& volume) const {
+  std::optional<Vector3d> search(const IsInside& is_inside, double reach,
+                                 CoverageVolume& volume) const {
     const std::vector<Vector3d> positions = candidates();
     const auto centre = std::ranges::find_if(positions, is_inside);
-    if (centre == positions.end()) return;
+    if (centre == positions.end()) return std::nullopt;
     if (is_ring_) {
       search_plane(is_inside, *centre, reach, volume);
-      return;
+      return *centre;
     }
     RadialSurface found = radial_surface(is_inside, *centre,
                                          {.reach = reach,
@@ -162,9 +177,10 @@ class OutwardPlanner {
                                           .max_vertices = options_.max_vertices,
                                           .stop = stop_});
     volume.empty_because = why_too_thin(found.surface, options_.tolerance_m, volume.share, *centre);
-    if (!volume.empty_because.empty()) return;
+    if (!volume.empty_because.empty()) return *centre;
     volume.surface = std::move(found.surface);
     volume.error_m = found.error;
+    return *centre;
   }
 
   /// Searches the ring's plane, where y is 0.
@@ -282,6 +298,11 @@ class OutwardPlanner {
   std::vector<Eigen::Matrix3d> rotations_;  // of the views, in the frame
 };
 
+void throw_if_stopped(const std::stop_token& stop, const std::string& name) {
+  if (!stop.stop_requested()) return;
+  throw Error::failed("the computation was stopped", name, "Start it again");
+}
+
 CoveragePlan started_plan(const std::string& name, const rig::Rig& rig,
                           const OutwardPlanner& planner) {
   CoveragePlan plan;
@@ -314,11 +335,7 @@ rig::Pose outward_frame(const rig::Rig& rig, const rig::Topology& topology) {
   rig::Pose frame;
   frame.position = rig.centre();
   if (topology.kind != rig::Topology::Kind::kSegments) {
-    if (has_direction) {
-      frame.world_from_camera_rotation =
-          Eigen::Quaterniond::FromTwoVectors(-Vector3d::UnitZ(), sum.normalized())
-              .toRotationMatrix();
-    }
+    if (has_direction) frame.world_from_camera_rotation = level_rotation(sum.normalized());
     return frame;
   }
   const Vector3d up = topology.up.y() < 0 ? Vector3d(-topology.up) : topology.up;
@@ -345,9 +362,7 @@ CoveragePlan plan_outward_coverage(const std::string& name, const rig::Rig& rig,
   const std::vector<double> fovs = coverage_fovs(options);
   const std::size_t count = fovs.size() * options.shares.size() + (options.subject ? 1 : 0);
   const auto add = [&](CoverageVolume volume) {
-    if (stop.stop_requested()) {
-      throw Error::failed("the computation was stopped", name, "Start it again");
-    }
+    throw_if_stopped(stop, name);
     plan.volumes.push_back(std::move(volume));
     if (progress) {
       progress(static_cast<double>(plan.volumes.size()) / static_cast<double>(count));
@@ -361,12 +376,15 @@ CoveragePlan plan_outward_coverage(const std::string& name, const rig::Rig& rig,
 }
 
 CoveragePlan plan_outward_subject_coverage(const std::string& name, const rig::Rig& rig,
-                                           const Vector3d& point, double size) {
-  CoverageOptions options;
-  const OutwardPlanner planner(rig, options, {});
+                                           const Vector3d& point, double size,
+                                           const CoverageOptions& options,
+                                           const std::stop_token& stop) {
+  const OutwardPlanner planner(rig, options, stop);
   CoveragePlan plan = started_plan(name, rig, planner);
+  plan.options = options;
   const Vector3d middle = plan.array.camera_from_world(point);
   plan.volumes.push_back(planner.volume_of_subject({middle.x(), middle.y(), -middle.z(), size}));
+  throw_if_stopped(stop, name);
   return plan;
 }
 

@@ -18,7 +18,8 @@ bool is_outward_array(const rig::Rig& rig);
 
 /// Returns the frame of an array that looks outwards: its origin is Rig::centre(); it looks along
 /// the mean viewing direction, or, where the cameras look to all sides alike, along the world's -z.
-/// The y axis of a ring's frame is the ring's normal.
+/// Its x axis is level (the world's +y is up), unless it looks straight up or down. The y axis of a
+/// ring's frame is the ring's normal.
 rig::Pose outward_frame(const rig::Rig& rig, const rig::Topology& topology);
 
 /// Computes the ranges of motion of an array that looks outwards, as plan_coverage(), which calls
@@ -31,6 +32,8 @@ CoveragePlan plan_outward_coverage(const std::string& name, const rig::Rig& rig,
 
 /// Computes the range of a subject alone, as plan_subject_coverage(), which calls it.
 CoveragePlan plan_outward_subject_coverage(const std::string& name, const rig::Rig& rig,
-                                           const Eigen::Vector3d& point, double size);
+                                           const Eigen::Vector3d& point, double size,
+                                           const CoverageOptions& options,
+                                           const std::stop_token& stop = {});
 
 }  // namespace raystage::planning

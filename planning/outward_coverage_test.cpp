@@ -253,11 +253,58 @@ TEST(OutwardCoverage, OfASubjectGoesOnBehindTheArray) {
 TEST(OutwardCoverage, IsOfOneArray) {
   const std::vector<NamedRig> arrays{{"sphere", sphere_of_fisheyes(90 * kDegree)},
                                      {"ring", ring_of_pinholes(9)}};
-  EXPECT_THROW(plan_combined_coverage("both", arrays, {}), Error);
+  const auto refusal = [](const auto& compute) -> std::string {
+    try {
+      compute();
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal([&] { plan_combined_coverage("both", arrays, {}); }),
+              HasSubstr("planned alone"));
   CoverageOptions options;
   options.all_directions = true;
   options.interaxial_m = 0.06;
-  EXPECT_THROW(plan_coverage("sphere", arrays[0].rig, options), Error);
+  EXPECT_THAT(refusal([&] { plan_coverage("sphere", arrays[0].rig, options); }),
+              HasSubstr("one eye"));
+}
+
+/// Returns five cameras that look outwards and upwards from a dome, turned about the vertical.
+rig::Rig dome(double turn) {
+  schemas::RigDocument document;
+  for (int i = 0; i < 5; ++i) {
+    const double yaw = turn + (i - 2) * 30 * kDegree, pitch = (i % 2 == 0 ? 20 : 60) * kDegree;
+    const Vector3d outwards(std::cos(pitch) * std::sin(yaw), std::sin(pitch),
+                            -std::cos(pitch) * std::cos(yaw));
+    document.cameras.push_back(camera_at(0.2 * outwards, outwards, {60, 60, 100, 100, {}}, i));
+  }
+  return rig::rig_from_document(document);
+}
+
+TEST(OutwardFrame, OfADomeIsLevelWhereverItLooks) {
+  for (const double turn : {0.0, 90.0, 170.0, 180.0, -75.0}) {
+    const rig::Rig rig = dome(turn * kDegree);
+    const Eigen::Matrix3d frame =
+        outward_frame(rig, complete_topology(rig)).world_from_camera_rotation;
+    EXPECT_NEAR(frame(1, 0), 0, 1e-12) << "x is level";
+    EXPECT_GT(frame(1, 1), 0) << "y is up";
+    EXPECT_NEAR(frame.determinant(), 1, 1e-12);
+    const Eigen::Matrix3d turned =
+        Eigen::AngleAxisd(-turn * kDegree, Vector3d::UnitY()).toRotationMatrix() *
+        outward_frame(dome(0), complete_topology(dome(0))).world_from_camera_rotation;
+    EXPECT_LT((frame - turned).norm(), 1e-9) << "as that of the dome, turned";
+  }
+}
+
+TEST(OutwardCoverage, OfViewsThatLookBackIsPlannedForOutwardArraysOnly) {
+  CoverageOptions options;
+  options.view_fov_deg = {30};
+  options.shares = {0.9};
+  options.yaw_deg = 150;
+  options.tolerance_m = 0.05;
+  const CoveragePlan plan = plan_coverage("sphere", sphere_of_fisheyes(90 * kDegree), options);
+  EXPECT_FALSE(plan.volumes[0].surface.vertices.empty()) << plan.volumes[0].empty_because;
 }
 
 }  // namespace

@@ -78,17 +78,25 @@ double unrecorded(const Viewpoint& from, const rig::Rig& rig, const rig::Topolog
   return missing / count;
 }
 
-/// Calls visit(direction) with directions that are spread evenly: a golden spiral, of a ring a
-/// circle in its plane.
+/// Calls visit(direction) with directions that are spread evenly, on a golden spiral.
+template <class Visit>
+void visit_all_directions(int count, const Visit& visit) {
+  for (int i = 0; i < count; ++i) {
+    const double height = 1 - 2 * (i + 0.5) / count;
+    const double turn = i * std::numbers::pi * (3 - std::sqrt(5.0));
+    const double radius = std::sqrt(1 - height * height);
+    visit(Vector3d(radius * std::cos(turn), height, radius * std::sin(turn)));
+  }
+}
+
+/// As that; of a ring with directions in its plane.
 template <class Visit>
 void visit_directions(const rig::Topology& topology, int count, const Visit& visit) {
+  if (!is_ring(topology)) return visit_all_directions(count, visit);
   const Matrix3d upright = cube_sides(topology).front();
   for (int i = 0; i < count; ++i) {
-    const double height = is_ring(topology) ? 0 : 1 - 2 * (i + 0.5) / count;
-    const double turn = is_ring(topology) ? 2 * std::numbers::pi * (i + 0.5) / count
-                                          : i * std::numbers::pi * (3 - std::sqrt(5.0));
-    const double radius = std::sqrt(1 - height * height);
-    visit(Vector3d(upright * Vector3d(radius * std::cos(turn), height, radius * std::sin(turn))));
+    const double turn = 2 * std::numbers::pi * (i + 0.5) / count;
+    visit(Vector3d(upright * Vector3d(std::cos(turn), 0, std::sin(turn))));
   }
 }
 
@@ -142,7 +150,7 @@ double unseen_directions(const Viewpoint& from, const rig::Rig& rig,
   constexpr int kDirections = 4096;
   const CameraTest test(from, rig);
   int missing = 0;
-  visit_directions(topology, kDirections, [&](const Vector3d& direction) {
+  visit_all_directions(kDirections, [&](const Vector3d& direction) {
     const bool is_seen =
         std::ranges::any_of(present, [&](int camera) { return test.sees(camera, direction); });
     missing += is_seen ? 0 : 1;

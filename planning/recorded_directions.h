@@ -20,7 +20,7 @@ struct Viewpoint {
 /// Returns the share of the directions from a point, 0 to 1, by solid angle, in which no camera
 /// recorded the ray: see unrecorded_share(). Of a ring only directions in its plane count, in a row
 /// of each of four sides of a cube, whose solid angles differ from angles by up to 0.02 of the
-/// share: its cells are strips that know no height. Otherwise accurate to 4e-3; 0 and 1 are exact.
+/// share: its cells are strips without a height. Otherwise accurate to 4e-3.
 double unrecorded_directions(const Viewpoint& from, const rig::Rig& rig,
                              const rig::Topology& topology);
 

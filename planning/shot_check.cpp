@@ -93,13 +93,15 @@ class LayerChecker {
     check_.volume = layer.volume;
     check_.method = light_field.reconstruction().method;
     check_.uses_focal_plane = light_field.method().uses_focal_plane();
-    check_.blends_any_camera = light_field.method().blends_any_camera();
     check_.cameras = static_cast<int>(rig_.cameras.size());
     check_.depth_range = light_field.depth_range();
     check_.eyes = static_cast<int>(plan.eyes().size());
     complete_ = complete_topology(rig_);
     check_.spacing = rig::max_neighbour_baseline(rig_, complete_);
     check_.sees_all_directions = plan.shot_camera().is_equirectangular();
+    // Every method answers the rays of views of all directions by any camera that sees them.
+    check_.blends_any_camera =
+        check_.sees_all_directions || light_field.method().blends_any_camera();
     if (is_outward_array(rig_)) {
       check_.no_range_because =
           "its cameras look outwards (raystage plan coverage measures their range)";
@@ -227,9 +229,7 @@ class LayerChecker {
   double missing_share(const render::VirtualCamera& view, const Eigen::Vector4d& plane,
                        const rig::Topology& topology) const {
     if (view.is_equirectangular) {
-      const auto of_directions =
-          check_.blends_any_camera ? unseen_directions : unrecorded_directions;
-      return of_directions({view.pose.position, focal_radius(plane)}, rig_, topology);
+      return unseen_directions({view.pose.position, focal_radius(plane)}, rig_, topology);
     }
     const auto share = check_.blends_any_camera ? unseen_share : unrecorded_share;
     return share(view, rig_, topology, plane);
@@ -404,12 +404,12 @@ ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
     throw Error::bad_input("no light field is visible in the shot", name,
                            "Check a shot that has a layer with a take");
   }
-  const bool looks_outwards = std::ranges::any_of(
-      light_fields, [](const auto* layer) { return is_outward_array(layer->take().rig()); });
-  if (plan.shot_camera().is_equirectangular() && !looks_outwards) {
+  const bool looks_around = std::ranges::any_of(
+      light_fields, [](const auto* layer) { return layer->take().rig().looks_around(); });
+  if (plan.shot_camera().is_equirectangular() && !looks_around) {
     throw Error::bad_input(
-        "the shot's camera sees all directions, and no array of the shot looks outwards", name,
-        "Check a shot with a perspective camera");
+        "the shot's camera sees all directions, and the cameras of every take look to one side",
+        name, "Check a shot with a perspective camera");
   }
   ShotCheck check;
   check.shot = name;

@@ -87,7 +87,8 @@ std::string coverage_text(const LayerCheck& layer) {
       "Up to {} of the rays were recorded by no camera{}, most at frame {}; rays are missing in {} "
       "of {}: "
       "{}.\n",
-      percent(worst.unrecorded_share), layer.eyes > 1 ? " (of the worse eye)" : "", worst.frame,
+      percent(worst.unrecorded_share),
+      layer.eyes > 1 && !layer.sees_all_directions ? " (of the worse eye)" : "", worst.frame,
       lacking.size(), frame_count(layer.frames.size()), compose::format_frame_range(lacking));
   if (worst.cameras > 0 && worst.cameras < layer.cameras) {
     text += fmt::format("With all cameras {} of those of frame {} would be missing.\n",

@@ -70,19 +70,25 @@ NestedRange range_from(const planning::CoverageVolume& volume, const Group& grou
   return range;
 }
 
+/// Returns options for ranges that are drawn small: precise to a hundredth of the array.
+planning::CoverageOptions coarse_options(const Group& group) {
+  constexpr double kTolerance = 0.01, kLeastTolerance = 1e-5;
+  planning::CoverageOptions options;
+  options.tolerance_m = std::max(kLeastTolerance, kTolerance * extent_of(group));
+  options.max_vertices = 600;
+  return options;
+}
+
 }  // namespace
 
 std::vector<NestedRange> nested_ranges(const compose::ShotPlan& plan,
                                        const render::VirtualCamera& view, double interaxial,
                                        const std::stop_token& stop) {
-  constexpr double kTolerance = 0.01, kLeastTolerance = 1e-5;
   std::vector<NestedRange> ranges;
   for (const Group& group : groups_of(plan)) {
-    planning::CoverageOptions options;
+    planning::CoverageOptions options = coarse_options(group);
     options.view = view;
     options.interaxial_m = interaxial;
-    options.tolerance_m = std::max(kLeastTolerance, kTolerance * extent_of(group));
-    options.max_vertices = 600;
     planning::CoveragePlan found;
     try {
       found = ranges_of(group, options, stop);
@@ -98,7 +104,7 @@ std::vector<NestedRange> nested_ranges(const compose::ShotPlan& plan,
 }
 
 std::vector<NestedRange> subject_ranges(const compose::ShotPlan& plan, const Eigen::Vector3d& point,
-                                        double size) {
+                                        double size, const std::stop_token& stop) {
   std::vector<NestedRange> ranges;
   for (const Group& group : groups_of(plan)) {
     if (group.rigs.size() > 1) {
@@ -110,8 +116,14 @@ std::vector<NestedRange> subject_ranges(const compose::ShotPlan& plan, const Eig
       continue;
     }
     const planning::NamedRig& named = group.rigs.front();
-    const planning::CoveragePlan found =
-        planning::plan_subject_coverage(named.name, named.rig, point, size);
+    planning::CoveragePlan found;
+    try {
+      found = planning::plan_subject_coverage(named.name, named.rig, point, size,
+                                              coarse_options(group), stop);
+    } catch (const Error&) {
+      if (stop.stop_requested()) throw Cancelled();
+      throw;
+    }
     ranges.push_back(range_from(found.volumes.front(), group, found.array));
   }
   return ranges;

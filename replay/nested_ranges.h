@@ -36,8 +36,9 @@ std::vector<NestedRange> nested_ranges(const compose::ShotPlan& plan,
 
 /// Computes for each light field from where every ray to a subject was recorded, as `raystage plan
 /// coverage --subject` has it: a cube around `point` (world, metres) with edges of `size` metres.
-/// Takes around a volume have none together. Takes milliseconds.
+/// Takes around a volume have none together. Takes milliseconds, for arrays that look outwards
+/// seconds. Throws Cancelled.
 std::vector<NestedRange> subject_ranges(const compose::ShotPlan& plan, const Eigen::Vector3d& point,
-                                        double size);
+                                        double size, const std::stop_token& stop);
 
 }  // namespace raystage::replay

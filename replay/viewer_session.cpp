@@ -235,7 +235,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     std::vector<NestedRange> sent;
     if (const auto& subject = request.subject) {
       sent = subject_ranges(shot.scene->plan(), Eigen::Vector3d(subject->point.data()),
-                            subject->size_m);
+                            subject->size_m, stop);
     }
     {
       const std::scoped_lock lock(mutex);

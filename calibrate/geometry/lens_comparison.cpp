@@ -10,29 +10,23 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <optional>
 
 #include "base/error.h"
 #include "base/options.h"
 #include "calibrate/geometry/board_view_model.h"
 #include "calibrate/geometry/bundle_adjustment.h"
+#include "calibrate/geometry/model_selection.h"
 
 namespace raystage::calibrate {
 namespace {
 
 using schemas::Projection;
 
-/// Truncated squared errors of a board, pixels squared.
-struct BoardError {
-  double sum = 0;
-  int corners = 0;
-};
-
 /// Fits the poses of the boards to a lens and returns the errors of each.
-std::vector<BoardError> board_errors(const CameraBoardViews& camera,
-                                     const schemas::Intrinsics& lens,
-                                     const LensCalibrationOptions& options) {
+std::vector<HeldOutError> board_errors(const CameraBoardViews& camera,
+                                       const schemas::Intrinsics& lens,
+                                       const LensCalibrationOptions& options) {
   const BoardViewList views({&camera, 1});
   ArrayModel model = make_board_view_model(views, {&camera, 1}, {&lens, 1});
   place_boards(model, views);
@@ -41,32 +35,22 @@ std::vector<BoardError> board_errors(const CameraBoardViews& camera,
   poses.stop = options.stop;
   run_bundle_adjustment(model, poses);
   const CameraModels lenses = camera_models(model);
-  std::vector<BoardError> errors(model.bodies.size());
+  std::vector<HeldOutError> errors(model.bodies.size());
   for (std::size_t b = 0, i = 0; b < model.bodies.size(); ++b) {
     for (std::size_t k = 0; k < model.bodies[b].points.size(); ++k, ++i) {
       const auto residual = reprojection_residual(model, lenses, model.observations[i]);
       const double error =
           residual ? std::min(residual->norm(), options.max_error_px) : options.max_error_px;
       errors[b].sum += error * error;
-      ++errors[b].corners;
+      ++errors[b].count;
     }
   }
   return errors;
 }
 
-double rms_of(const std::vector<BoardError>& errors) {
-  double sum = 0;
-  int corners = 0;
-  for (const BoardError& board : errors) {
-    sum += board.sum;
-    corners += board.corners;
-  }
-  return std::sqrt(sum / std::max(corners, 1));
-}
-
-double bic_of(const std::vector<BoardError>& errors, const LensCalibrationOptions& options) {
+double bic_of(std::span<const HeldOutError> errors, const LensCalibrationOptions& options) {
   double coordinates = 0;
-  for (const BoardError& board : errors) coordinates += 2.0 * board.corners;
+  for (const HeldOutError& board : errors) coordinates += 2.0 * board.count;
   const LensRefinement freedom =
       options.full_lens_model ? LensRefinement::kFullModel : LensRefinement::kRadial;
   constexpr std::size_t kOfPose = 6;
@@ -78,8 +62,8 @@ double bic_of(const std::vector<BoardError>& errors, const LensCalibrationOption
 }
 
 /// Returns the errors of the boards with the lens from the other half of them.
-std::vector<BoardError> held_out_errors(const CameraBoardViews& camera,
-                                        const LensCalibrationOptions& options) {
+std::vector<HeldOutError> held_out_errors(const CameraBoardViews& camera,
+                                          const LensCalibrationOptions& options) {
   std::array<CameraBoardViews, 2> halves;
   for (CameraBoardViews& half : halves) {
     half.id = camera.id;
@@ -89,29 +73,13 @@ std::vector<BoardError> held_out_errors(const CameraBoardViews& camera,
   for (std::size_t i = 0; i < camera.views.size(); ++i) {
     halves[i % 2].views.push_back(camera.views[i]);
   }
-  std::vector<BoardError> errors;
+  std::vector<HeldOutError> errors;
   for (std::size_t half = 0; half < 2; ++half) {
     const LensCalibration lens = calibrate_lens(halves[1 - half], options);
-    const std::vector<BoardError> of_half = board_errors(halves[half], lens.lens, options);
+    const std::vector<HeldOutError> of_half = board_errors(halves[half], lens.lens, options);
     errors.insert(errors.end(), of_half.begin(), of_half.end());
   }
   return errors;
-}
-
-/// Returns whether the boards fit a model worse than another one: the mean logarithm of the ratio
-/// of their squared errors is more than two standard errors above 0. Ratios, because a wrong model
-/// may fail only in a few boards at the edge, whose errors alone would decide about a mean.
-bool fit_worse(const std::vector<BoardError>& model, const std::vector<BoardError>& other) {
-  constexpr double kLeast = 1e-12;  // pixels squared
-  std::vector<double> ratios;
-  for (std::size_t i = 0; i < model.size(); ++i) {
-    ratios.push_back(std::log((model[i].sum + kLeast) / (other[i].sum + kLeast)));
-  }
-  const auto count = static_cast<double>(ratios.size());
-  const double mean = std::accumulate(ratios.begin(), ratios.end(), 0.0) / count;
-  double squares = 0;
-  for (const double ratio : ratios) squares += (ratio - mean) * (ratio - mean);
-  return mean > 2 * std::sqrt(squares / (count - 1) / count);
 }
 
 /// Returns the RMS displacement of the corners by the distortion, pixels.
@@ -135,19 +103,6 @@ double distortion_px(const CameraBoardViews& camera, const schemas::Intrinsics& 
     }
   }
   return std::sqrt(sum / std::max(count, 1));
-}
-
-/// Returns the model to use among those that are not distinct from the least error: the first is
-/// the pinhole.
-std::optional<std::size_t> simplest(const std::vector<bool>& is_distinct,
-                                    const std::vector<double>& distortions) {
-  if (!is_distinct.front()) return 0;
-  std::optional<std::size_t> least;
-  for (std::size_t k = 0; k < is_distinct.size(); ++k) {
-    if (is_distinct[k] || (least && distortions[k] >= distortions[*least])) continue;
-    least = k;
-  }
-  return least;
 }
 
 /// Returns the views with enough corners, so that halves and boards correspond between models.
@@ -181,7 +136,7 @@ LensModelComparison compare_lens_models(const CameraBoardViews& camera,
   require_valid(options, "comparison of lens models");
   const CameraBoardViews usable = usable_views(camera);
   LensModelComparison comparison;
-  std::vector<std::vector<BoardError>> held_out;
+  std::vector<std::vector<HeldOutError>> held_out;
   for (const Projection projection : compared_projections()) {
     LensModelFit& fit = comparison.fits.emplace_back();
     held_out.emplace_back();
@@ -220,7 +175,7 @@ LensModelComparison compare_lens_models(const CameraBoardViews& camera,
     is_distinct.push_back(fit.is_distinct);
     distortions.push_back(fit.distortion_px);
   }
-  comparison.best = simplest(is_distinct, distortions).value_or(of_least);
+  comparison.best = simplest_model(is_distinct, distortions).value_or(of_least);
   return comparison;
 }
 
@@ -236,7 +191,7 @@ Projection best_common_projection(std::span<const LensModelComparison> cameras) 
     }
   }
   const auto least = static_cast<std::size_t>(std::ranges::min_element(errors) - errors.begin());
-  return compared_projections()[simplest(is_distinct, distortions).value_or(least)];
+  return compared_projections()[simplest_model(is_distinct, distortions).value_or(least)];
 }
 
 }  // namespace raystage::calibrate

@@ -23,8 +23,7 @@ struct LensModelFit {
   /// Bayesian information criterion, n log(squared error / n) + p log n, of n coordinates and p
   /// lens and board parameters (Schwarz 1978); differences above 10 are strong.
   double bic = 0;
-  /// Whether the held-out boards tell it from the model with the least error: the mean logarithm of
-  /// the ratio of their squared errors is more than two standard errors above 0.
+  /// Whether the held-out boards fit it worse than the model with the least error: see fit_worse().
   bool is_distinct = false;
   double distortion_px = 0;  ///< RMS displacement of the corners by the distortion terms
   std::string failure;       ///< why the model cannot be fitted; empty: it is
@@ -33,9 +32,9 @@ struct LensModelFit {
 /// Lens models of a camera, in the order of the projections.
 struct LensModelComparison {
   std::vector<LensModelFit> fits;
-  /// Of the models that held-out boards do not tell from that with the least error: the pinhole,
-  /// which all methods render; otherwise the one with the least distortion, which depends least on
-  /// terms that hold only where corners were seen.
+  /// Of the models that held-out boards do not fit worse than that with the least error: the
+  /// pinhole, which all methods render; otherwise the one with the least distortion, which depends
+  /// least on terms that hold only where corners were seen.
   std::size_t best = 0;
 
   const LensModelFit& best_fit() const { return fits[best]; }
@@ -51,7 +50,7 @@ LensModelComparison compare_lens_models(const CameraBoardViews& camera,
                                         const LensCalibrationOptions& options);
 
 /// Returns the best model for cameras of one type: as LensModelComparison::best among the models
-/// that no camera tells from its least error; without any, that with the least error over all
+/// that fit no camera worse than its best one; without any, that with the least error over all
 /// cameras.
 schemas::Projection best_common_projection(std::span<const LensModelComparison> cameras);
 

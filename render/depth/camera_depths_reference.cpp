@@ -76,12 +76,13 @@ Picture picture_of(const store::DecodedFrame& frame, const store::CodeScale& sca
                    const rig::CameraModel& model, const VirtualCamera& pinhole) {
   Plane luma(frame.width, frame.height, 0), blue = luma, red = luma;
   const auto code = [&](std::size_t i) {
-    const int upper_bits = frame.rgba[i] >> 4U;  // 12 of 16
-    const double upper = upper_bits / 4095.0;
     if (scale.space == store::BlendSpace::kHighRange) {
-      const double light = scale.full_scale * store::part_from_value(scale.space, upper);
+      const double light =
+          scale.full_scale * store::part_from_value(scale.space, frame.rgba[i] / 65535.0);
       return 255 * store::matching_code(scale, light);
     }
+    const int upper_bits = frame.rgba[i] >> 4U;  // 12 of 16
+    const double upper = upper_bits / 4095.0;
     return 255 * (scale.space == store::BlendSpace::kLinear ? srgb_from_linear(upper) : upper);
   };
   for (std::size_t i = 0; i < luma.values.size(); ++i) {

@@ -18,12 +18,18 @@
 namespace raystage::render {
 namespace {
 
-/// Returns 8-bit codes of sRGB's curve for the upper 12 bits of a frame's codes.
+/// Returns how many of the lower bits of a frame's codes do not matter: 12 bits suffice, unless
+/// white is a small part of the full scale.
+unsigned unused_bits(const store::CodeScale& scale) {
+  return scale.space == store::BlendSpace::kHighRange ? 0 : 4;
+}
+
+/// Returns 8-bit codes of sRGB's curve for the bits of a frame's codes that matter.
 std::vector<float> code_table(const store::CodeScale& scale) {
-  constexpr int kEntries = 4096;
-  std::vector<float> table(kEntries);
-  for (int i = 0; i < kEntries; ++i) {
-    const double code = i / (kEntries - 1.0);
+  const int entries = 1 << (16 - unused_bits(scale));
+  std::vector<float> table(static_cast<std::size_t>(entries));
+  for (int i = 0; i < entries; ++i) {
+    const double code = i / (entries - 1.0);
     if (scale.space == store::BlendSpace::kHighRange) {
       const double light = scale.full_scale * store::part_from_value(scale.space, code);
       table[i] = static_cast<float>(255 * store::matching_code(scale, light));
@@ -41,10 +47,12 @@ using LumaChroma = std::array<std::uint8_t, 3>;
 std::vector<LumaChroma> luma_chroma_of(const store::DecodedFrame& frame,
                                        const store::CodeScale& scale) {
   const std::vector<float> code = code_table(scale);
+  const unsigned unused = unused_bits(scale);
   std::vector<LumaChroma> pixels(static_cast<std::size_t>(frame.width) * frame.height);
   for (std::size_t i = 0; i < pixels.size(); ++i) {
     const std::uint16_t* p = frame.rgba.get() + 4 * i;
-    const float red = code[p[0] >> 4U], green = code[p[1] >> 4U], blue = code[p[2] >> 4U];
+    const float red = code[p[0] >> unused], green = code[p[1] >> unused],
+                blue = code[p[2] >> unused];
     const float y = 0.299F * red + 0.587F * green + 0.114F * blue;
     const auto chroma = [y](float channel) {
       return static_cast<std::uint8_t>(std::clamp((channel - y) / 2 + 128.5F, 0.0F, 255.0F));

@@ -66,7 +66,9 @@ const std::string kOcio =
     "ocio_profile_version: 2\nsearch_path: .\nroles:\n  default: lin_srgb\ndisplays:\n  tv:\n"
     "    - !<View> {name: Film, colorspace: film}\ncolorspaces:\n  - !<ColorSpace>\n"
     "    name: lin_srgb\n  - !<ColorSpace>\n    name: film\n    from_scene_reference: "
-    "!<FileTransform> {src: curve.spi1d, interpolation: linear}\n";
+    "!<FileTransform> {src: curve.spi1d, interpolation: linear}\n"
+    "  - !<ColorSpace>\n    name: half\n    from_scene_reference: !<MatrixTransform> {matrix: "
+    "[0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1]}\n";
 const std::string kCurve = "Version 1\nFrom 0.0 1.0\nLength 3\nComponents 1\n{\n0.0\n0.7\n1.0\n}\n";
 
 /// Returns the buffer of kGltf: three corners (float) and their numbers (16 bits).
@@ -109,7 +111,8 @@ std::string table_of_detections() {
   return table;
 }
 
-/// Returns a command that runs all of them and ends with the largest of their exit codes.
+}  // namespace
+
 std::string all_of(const std::vector<std::string>& commands) {
   std::string text = "(worst=0; ";
   for (const std::string& command : commands) {
@@ -118,16 +121,16 @@ std::string all_of(const std::vector<std::string>& commands) {
   return text + "exit $worst)";
 }
 
-}  // namespace
+void run_or_throw(const fs::path& folder, const std::string& command) {
+  const CommandResult result = run("cd '" + folder.string() + "' && " + command);
+  if (result.exit_code != 0) throw std::runtime_error(command + ": " + result.err + result.out);
+}
 
 void write_attack_scene(const fs::path& folder) {
   const auto write = [&](const std::string& name, const std::string& text) {
     write_text(folder / name, text);
   };
-  const auto must = [&](const std::string& command) {
-    const CommandResult result = run("cd '" + folder.string() + "' && " + command);
-    if (result.exit_code != 0) throw std::runtime_error(command + ": " + result.err + result.out);
-  };
+  const auto must = [&](const std::string& command) { run_or_throw(folder, command); };
   must(
       "raystage simulate stage -q --rows 2 --columns 2 --width 48 --height 36 --fps 10 --seconds "
       "0.8 --startup-loss-seconds 0 --truth-views 1 -o take && raystage sync -q take");

@@ -17,6 +17,12 @@ struct AttackedFormat {
   bool keeps_earlier_pictures = false;  ///< the command may keep a picture that it did not render
 };
 
+/// Returns a shell command that runs all of them and ends with the largest of their exit codes.
+std::string all_of(const std::vector<std::string>& commands);
+
+/// Runs a shell command in a folder. Throws std::runtime_error unless its exit code is 0.
+void run_or_throw(const std::filesystem::path& folder, const std::string& command);
+
 /// Writes a small take, shots, meshes, pictures and documents into `folder`, by Raystage's
 /// commands. Throws std::runtime_error if a command fails.
 void write_attack_scene(const std::filesystem::path& folder);

@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <iterator>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "images/exr_reader.h"
 #include "testing/test_folder.h"
+#include "tests/attack/attack_archives.h"
 #include "tests/attack/attack_scene.h"
 #include "tests/attack/mutation.h"
 #include "tests/end_to_end/run_command.h"
@@ -26,6 +30,11 @@ constexpr double kMaxSeconds = 20;
 /// Commands are slower than functions: without RAYSTAGE_ATTACK_CASES each format has few cases.
 int command_case_count() {
   return std::getenv("RAYSTAGE_ATTACK_CASES") == nullptr ? 4 : attack_case_count();
+}
+
+/// Returns whether a file below out/ is a rendered or exported picture, and no part of a new take.
+bool is_result(const fs::path& file) {
+  return file.string().starts_with("f.") || *file.begin() == "exported";
 }
 
 /// Expects that R, G, B and A of a picture are finite. A picture of an earlier run may be one that
@@ -49,12 +58,15 @@ TEST(CommandAttack, EveryCaseEndsInAResultOrAnErrorOfOurs) {
   const TestFolder folder;
   const fs::path& scene = folder.path();
   write_attack_scene(scene);
+  write_attack_archives(scene);
   const images::ExrReader reader(100'000'000);
   std::mt19937 random(7);  // NOLINT: the same in every run
   std::size_t largest = 0;
   const char* const first = std::getenv("RAYSTAGE_ATTACK_FIRST_FORMAT");
   bool is_attacked = first == nullptr;
-  for (const AttackedFormat& format : attacked_formats(scene)) {
+  std::vector<AttackedFormat> formats = attacked_formats(scene);
+  std::ranges::move(attacked_archives(scene), std::back_inserter(formats));
+  for (const AttackedFormat& format : formats) {
     is_attacked = is_attacked || format.name == first;
     if (!is_attacked) continue;
     const std::string seed = read_text(scene / format.file);
@@ -82,7 +94,9 @@ TEST(CommandAttack, EveryCaseEndsInAResultOrAnErrorOfOurs) {
       refused += result.exit_code != 0 ? 1 : 0;
       largest = std::max(largest, result.peak_memory);
       for (const fs::path& picture : find_files(scene / "out", ".exr")) {
-        if (picture.filename().string().starts_with("f.")) expect_finite(reader, picture, format);
+        if (is_result(picture.lexically_relative(scene / "out"))) {
+          expect_finite(reader, picture, format);
+        }
       }
       if (HasFailure()) {
         const fs::path kept =

@@ -130,6 +130,7 @@ ExitCode write(const Options& options, const std::stop_token& stop) {
   how.version = RAYSTAGE_VERSION;
   how.representation = installed_representation();
   how.progress = [&](double done) { progress.report(done); };
+  how.on_damage = [&](const auto& event) { record_made_event(options.folder, event); };
   how.stop = stop;
   const store::Take take(options.folder);
   const store::BagWriteReport report = store::write_bag(take, options.output, how);
@@ -211,7 +212,9 @@ int main(int argc, char** argv) {
       "or input, such as a damaged take, or no bag; 128+n stopped by signal n. Nothing remains of "
       "a "
       "bag\n"
-      "that was not completed, except a hidden folder .BAG.*.tmp after kill -9 or a power loss.");
+      "that was not completed, except a hidden folder .BAG.*.tmp after kill -9 or a power loss, "
+      "which the\n"
+      "next run on this machine with the same -o removes.");
   return parse_and_run(command, argc, argv, "bag", [&](const std::stop_token& stop) {
     require_one_task(options);
     const ThreadLimit limit(options.threads);

@@ -15,6 +15,7 @@
 #include "cli/follow_links_option.h"
 #include "cli/lens_model_option.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 #include "schemas/rig_document.h"
 
@@ -53,6 +54,7 @@ ExitCode run_calibrate_lens(const LensOptions& options, const std::stop_token& s
                         "Follow the advice under \"Next\", or use --force to write it anyway");
   }
   schemas::write_rig(calibrate::make_lens_document(lenses), options.output);
+  record_rig_event(options.output, "calibrate lens");
   return ExitCode::kSuccess;
 }
 

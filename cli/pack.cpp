@@ -34,7 +34,8 @@ int main(int argc, char** argv) {
       "frames\n"
       "that are not as recorded; 128+n stopped by signal n. Nothing remains of a take that was "
       "not\n"
-      "completed, except a hidden folder .NEWTAKE.*.tmp after kill -9 or a power loss.");
+      "completed, except a hidden folder .NEWTAKE.*.tmp after kill -9 or a power loss,\n"
+      "which the next run on this machine with the same -o removes.");
   return parse_and_run(command, argc, argv, "pack", [&](const std::stop_token& stop) {
     return temporal.codec.empty() ? run_pack(options, false, stop)
                                   : run_pack_temporal(options, temporal, stop);

@@ -12,6 +12,7 @@
 #include "cli/plan.h"
 #include "cli/printing.h"
 #include "cli/shot_options.h"
+#include "cli/take_event.h"
 #include "cli/threads.h"
 #include "planning/epipolar/measured_depths.h"
 #include "planning/epipolar/measured_depths_report.h"
@@ -47,6 +48,9 @@ ExitCode run_epi(const EpiCommand& command, const std::stop_token& stop) {
     schemas::TakeDocument document = schemas::read_take(take.file("take.json"));
     document.depth_range = depths.range;
     schemas::write_take(document, take.folder() / "take.json");
+    record_event(
+        command.take, "metadata modification", "plan epi --write: take.json",
+        fmt::format("depth range {:.6g} to {:.6g} m", depths.range->near, depths.range->far));
   }
   print("{}", command.json ? planning::measured_depths_as_json(depths)
                            : planning::format_measured_depths(depths));

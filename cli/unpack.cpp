@@ -21,7 +21,8 @@ int main(int argc, char** argv) {
   command.footer(
       "Exit codes: 0 done; 1 failed; 2 bad usage or input, such as damaged frames (see `raystage\n"
       "verify --decode`); 128+n stopped by signal n. Nothing remains of a take that was not\n"
-      "completed, except a hidden folder .NEWTAKE.*.tmp after kill -9 or a power loss.");
+      "completed, except a hidden folder .NEWTAKE.*.tmp after kill -9 or a power loss,\n"
+      "which the next run on this machine with the same -o removes.");
   return parse_and_run(command, argc, argv, "unpack",
                        [&](const std::stop_token& stop) { return run_pack(options, true, stop); });
 }

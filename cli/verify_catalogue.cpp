@@ -2,6 +2,8 @@
 // raystage verify --catalogue: the fixity of all takes below a folder.
 #include "cli/verify_catalogue.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
@@ -9,6 +11,7 @@
 #include "base/atomic_file.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
+#include "cli/take_event.h"
 #include "store/catalogue/check_takes.h"
 
 namespace raystage::cli {
@@ -44,6 +47,18 @@ void print_take(const schemas::FixityCatalogue::Take& take) {
   for (const std::string& problem : check.problems) print("    {}\n", problem);
   const auto shown = static_cast<std::int64_t>(check.problems.size());
   if (check.problem_count > shown) print("    and {} problems more\n", check.problem_count - shown);
+}
+
+/// Appends what a check found to the event log of the take.
+void log_check(const std::filesystem::path& take, const schemas::FixityCatalogue::Check& check) {
+  using Result = schemas::FixityCatalogue::Result;
+  using Outcome = schemas::TakeEvent::Outcome;
+  if (check.result == Result::kUnreadable) return;  // no object is known that an event could name
+  const bool is_intact = check.result == Result::kIntact;
+  std::string note(schemas::name_of(check.result));
+  if (check.problem_count > 0) note += fmt::format(", {} problems", check.problem_count);
+  record_event(take, "fixity check", "verify --catalogue", note,
+               is_intact ? Outcome::kSuccess : Outcome::kFailure);
 }
 
 void print_summary(const store::CatalogueReport& report) {
@@ -148,7 +163,10 @@ ExitCode verify_catalogue(const CatalogueCommandOptions& options, const std::str
   how.now_utc = utc_now();
   how.progress = [&](double share) { progress.report(share); };
   how.stop = stop;
-  if (prints) how.on_checked = print_take;
+  how.on_checked = [&](const schemas::FixityCatalogue::Take& take) {
+    if (prints) print_take(take);
+    log_check(options.folder / take.path, *take.last_check);
+  };
   const store::CatalogueReport report = store::check_takes_below(options.folder, how);
   if (prints) print_summary(report);
   if (!json.empty()) {

@@ -7,6 +7,9 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
@@ -267,6 +270,66 @@ TEST_F(ImportDepths, ImplausibleUnitsAreNoted) {
   options.encoding.unit_m = 0.001;
   EXPECT_THAT(import_depths(take, maps(), options, {}).notes,
               Contains(HasSubstr("far outside of the take's depth range")));
+}
+
+TEST_F(ImportDepths, EveryInstantOfAMovingTakeHasItsOwnMaps) {
+  settings_ = slanted(2, 3);
+  settings_.frames = 3;
+  settings_.absent = {{1, 2}};  // camera 1 has no frame at the third tick
+  const store::Take take = write(settings_);
+  const std::vector<double> metres{3, 4, 5};
+  for (std::size_t i = 0; i < take.rig().cameras.size(); ++i) {
+    const fs::path folder = maps() / take.document().cameras[i].id;
+    create_folder(folder);
+    for (std::size_t tick = 0; tick < metres.size(); ++tick) {
+      images::write_depth_image(96, 72,
+                                std::vector<float>(96UL * 72, static_cast<float>(metres[tick])),
+                                folder / ("00000" + std::to_string(tick + 1) + ".exr"));
+    }
+  }
+  const DepthImportReport report = import_depths(take, maps(), {}, {});
+  EXPECT_EQ(report.maps, 17U);
+  EXPECT_THAT(report.notes, Contains(HasSubstr("no frame at their time: ")));
+  for (const char* const method : {"depth", "lumigraph"}) {
+    render::ReconstructionOptions how{method, {0, 0, 0, 1}, {}};
+    if (std::string_view(method) == "lumigraph") how.options = {{"proxy", std::string("depth")}};
+    for (std::size_t tick = 0; tick < metres.size(); ++tick) {
+      const render::RenderedView view =
+          render_reconstruction(take, testing::default_view(), how, {}, static_cast<int>(tick));
+      std::vector<float> z(view.z.begin(), view.z.end());
+      std::ranges::nth_element(z, z.begin() + static_cast<std::ptrdiff_t>(z.size() / 2));
+      EXPECT_NEAR(z[z.size() / 2], metres[tick] + 0.03, 0.1) << method << " " << tick;
+    }
+  }
+  EXPECT_TRUE(stored_depth_files().empty());
+}
+
+TEST_F(ImportDepths, MapsAreNotAveragedOverTime) {
+  settings_ = slanted(2, 3);
+  settings_.samples = 3;
+  settings_.frames = 3;  // all equal
+  distance_ = slanted_distance;
+  const store::Take take = write(settings_);
+  write_maps(take);
+  for (const auto& camera : fs::directory_iterator(maps())) {
+    fs::rename(camera.path() / "000001.exr", camera.path() / "000002.exr");
+  }
+  render::RendererOptions on_ticks;
+  on_ticks.ticks = store::build_timeline(take, 15, 0).ticks;
+  const auto depths = [&](bool temporal) {
+    return render(take, testing::default_view(), {{"temporal", temporal}}, on_ticks, 1).z;
+  };
+  EXPECT_NE(depths(true), depths(false)) << "estimated depths are averaged";
+  import_depths(take, maps(), {}, {});
+  EXPECT_EQ(depths(true), depths(false));
+  // Nor are they if a camera has no map, whose depths are estimated and averaged.
+  fs::remove_all(take.folder() / Document::kFolder);
+  fs::remove_all(maps() / take.document().cameras[5].id);
+  import_depths(take, maps(), {}, {});
+  const auto averaged = depths(true), alone = depths(false);
+  std::size_t equal = 0;
+  for (std::size_t i = 0; i < alone.size(); ++i) equal += averaged[i] == alone[i] ? 1 : 0;
+  EXPECT_GT(equal, alone.size() / 2);
 }
 
 TEST_F(ImportDepths, ADamagedMapIsAnErrorAndNotAnEstimation) {

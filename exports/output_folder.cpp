@@ -6,9 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
-#include <cstdio>
 #include <limits>
 #include <string>
 #include <system_error>
@@ -16,7 +14,6 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/posix_file.h"
-#include "base/resources.h"
 
 namespace raystage::exports {
 namespace {
@@ -28,43 +25,20 @@ Error exists_error(const fs::path& path) {
                           "Choose another name, or remove it");
 }
 
-/// Returns "out/dir/" as "/.../out/dir": with a name and a parent.
-fs::path with_name(const fs::path& folder) {
-  fs::path path = fs::absolute(folder).lexically_normal();
-  return path.has_filename() ? path : path.parent_path();
-}
-
-/// Renames, but never onto an existing file or folder.
-int rename_folder(const fs::path& from, const fs::path& to) {
-  if (renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
-  if (errno != EINVAL && errno != ENOSYS) return -1;
-  if (fs::exists(fs::symlink_status(to))) {  // some file systems do not support the flag
-    errno = EEXIST;
-    return -1;
-  }
-  return std::rename(from.c_str(), to.c_str());
+/// Throws Error (bad input) if there is a file or folder of this name.
+fs::path require_no_folder(const fs::path& given) {
+  fs::path folder = path_with_name(given);
+  if (fs::exists(fs::symlink_status(folder))) throw exists_error(folder);
+  return folder;
 }
 
 }  // namespace
 
-OutputFolder::OutputFolder(const fs::path& folder) : target_(with_name(folder)) {
-  if (fs::exists(fs::symlink_status(target_))) throw exists_error(target_);
-  static std::atomic<unsigned> counter{0};  // unique within the process
-  std::string suffix = fmt::format(".{}.{}.{}.tmp", host_name(), getpid(), counter++);
-  std::ranges::replace(suffix, '/', '_');
-  working_ = target_.parent_path() / fmt::format(".{}{}", target_.filename().string(), suffix);
-  create_folder(working_);
-}
-
-OutputFolder::~OutputFolder() {
-  if (committed_) return;
-  std::error_code ignored;
-  fs::remove_all(working_, ignored);
-}
+OutputFolder::OutputFolder(const fs::path& folder) : folder_(require_no_folder(folder)) {}
 
 Error OutputFolder::with_final_name(const Error& error) const {
   const auto renamed = [&](std::string text) {
-    const std::string from = working_.string(), to = target_.string();
+    const std::string from = folder_.path().string(), to = folder_.target().string();
     for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at)) {
       text.replace(at, from.size(), to);
       at += to.size();
@@ -77,14 +51,10 @@ Error OutputFolder::with_final_name(const Error& error) const {
 }
 
 void OutputFolder::commit() {
-  sync_files_below(working_);
-  if (rename_folder(working_, target_) != 0) {
-    if (errno == EEXIST || errno == ENOTEMPTY) throw exists_error(target_);
-    throw Error::from_errno("the folder cannot be renamed to its final name", target_.string(),
-                            "Check the permissions of its parent folder");
-  }
-  committed_ = true;
-  sync_folder(target_.parent_path());
+  if (folder_.commit()) return;
+  if (errno == EEXIST || errno == ENOTEMPTY) throw exists_error(folder_.target());
+  throw Error::from_errno("the folder cannot be renamed to its final name",
+                          folder_.target().string(), "Check the permissions of its parent folder");
 }
 
 void write_new_file(const fs::path& file, std::span<const std::byte> bytes) {
@@ -114,7 +84,7 @@ void check_output_file(const fs::path& file, ExistingFiles existing, const store
 }
 
 void check_free_space(const fs::path& output, double bytes) {
-  fs::path folder = with_name(output).parent_path();
+  fs::path folder = path_with_name(output).parent_path();
   std::error_code error;
   while (!fs::exists(folder, error) && folder.has_relative_path()) folder = folder.parent_path();
   const fs::space_info space = fs::space(folder, error);

@@ -7,21 +7,20 @@
 #include <span>
 
 #include "base/error.h"
+#include "base/temporary_folder.h"
 #include "store/take.h"
 
 namespace raystage::exports {
 
 /// A new folder that is filled under a temporary name next to its final one, and renamed when it is
-/// complete. A process that is killed leaves the hidden folder .NAME.HOST.PID.NUMBER.tmp.
+/// complete. A process that is killed leaves the hidden folder .NAME.HOST.PID.RANDOM.tmp, which the
+/// next one of this target removes.
 class OutputFolder {
  public:
   /// Throws Error (bad input) if `folder` exists, and Error (failed) if it cannot be created.
   explicit OutputFolder(const std::filesystem::path& folder);
-  ~OutputFolder();  ///< removes what was not committed
-  OutputFolder(const OutputFolder&) = delete;
-  OutputFolder& operator=(const OutputFolder&) = delete;
 
-  const std::filesystem::path& working() const { return working_; }
+  const std::filesystem::path& working() const { return folder_.path(); }
   /// Returns what `work` returns, and throws the Error that it throws with the folder's final name
   /// in place of the temporary one.
   template <class Work>
@@ -38,8 +37,7 @@ class OutputFolder {
  private:
   Error with_final_name(const Error& error) const;
 
-  std::filesystem::path target_, working_;
-  bool committed_ = false;
+  TemporaryFolder folder_;
 };
 
 /// Writes a file in the working folder, without waiting for the disk: commit() does. Throws Error

@@ -176,6 +176,20 @@ TEST_F(ImageReaderTest, SizesAreCheckedBeforeMemoryIsTaken) {
 }
 
 /// Tiles do not help: the pixels are wanted.
+// OpenEXR, to which OpenImageIO hands the file, allocates what an attribute states to have.
+TEST_F(ImageReaderTest, AttributesOfExrFilesThatAreLargerThanTheFileAreRefused) {
+  const auto number = [](std::uint32_t value) {
+    std::string bytes;
+    for (int i = 0; i < 4; ++i) bytes += static_cast<char>(value >> (8 * i) & 0xff);
+    return bytes;
+  };
+  using namespace std::string_literals;
+  const auto file =
+      write("a.exr", number(20000630) + number(2) + "a\0string\0"s + number(0x676e6904) + "text");
+  EXPECT_THAT(error_of([&] { ImageReader().properties(file); }),
+              HasSubstr("states to be larger than the file"));
+}
+
 TEST_F(ImageReaderTest, FloatsNeedMoreMemoryThanCodes) {
   const ImageReader reader(40);
   EXPECT_EQ(reader.read_codes(write_picture()).values.size(), 18u);  // 18 bytes

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "images/exr_header_check.h"
 #include "images/image_requests.h"
 
 namespace raystage::images {
@@ -83,6 +84,8 @@ class OpenImages::Image {
       config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, static_cast<void*>(&proxy));
       // OpenImageIO chooses a reader by the extension. A file of this name cannot exist.
       name = "/proc/self/embedded/image." + source_.format;
+    } else {
+      require_plausible_exr_header(name);  // whatever its extension is
     }
     input_ = OIIO::ImageInput::open(name, &config);
     if (!input_) throw std::runtime_error(OIIO::geterror());

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
@@ -155,6 +156,15 @@ TEST_F(Colmap, FindsItsImages) {
   }
 }
 
+TEST_F(Colmap, NamesDoNotLeaveTheFolderOfTheImages) {
+  write_jpeg("secret.jpg");
+  write_model("m/sparse", kPinhole, "1 1 0 0 0 0 0 0 7 ../secret.jpg\n\n");
+  EXPECT_THAT(refusal("m"), AllOf(HasSubstr("images.txt:1"), HasSubstr("leaves the folder")));
+  write_model("m/sparse", kPinhole,
+              "1 1 0 0 0 0 0 0 7 " + (folder_.path() / "secret.jpg").string() + "\n\n");
+  EXPECT_THAT(refusal("m"), AllOf(HasSubstr("images.txt:1"), HasSubstr("leaves the folder")));
+}
+
 TEST_F(Colmap, BadModelsAreRefusedByLine) {
   write_jpeg("m/a.jpg");
   constexpr std::string_view kImages = "1 1 0 0 0 0 0 0 7 a.jpg\n\n";
@@ -256,6 +266,38 @@ TEST_F(Nerf, ImagesMayBeElsewhere) {
   write_jpeg("other/train/r_1.jpg");
   const auto manifest = read({.images = folder_.path() / "other"});
   EXPECT_THAT(manifest.cameras[0].frames[0].file, HasSubstr("other"));
+}
+
+TEST_F(Nerf, NamesAndLinksDoNotLeaveTheFolderOfTheImages) {
+  write_jpeg("secret.jpg");
+  write_jpeg("model/images/inside.jpg");
+  std::filesystem::create_symlink("../../secret.jpg", folder_.path() / "model/images/link.jpg");
+  std::filesystem::create_directory_symlink("..", folder_.path() / "model/up");
+  const std::string absolute = (folder_.path() / "secret.jpg").string();
+  document_.update({{"w", 48}, {"h", 40}});  // so that no picture is decoded
+  const auto import = [&](const std::string& name) {
+    document_["frames"][1]["file_path"] = name;
+    document_["frames"][0]["file_path"] = "./images/inside";
+    write("model/transforms.json", document_.dump());
+    return refusal("model/transforms.json");
+  };
+  for (const std::string& name : {std::string("../secret.jpg"), std::string("images/../../secret"),
+                                  absolute, absolute.substr(0, absolute.size() - 4)}) {
+    EXPECT_THAT(import(name), AllOf(HasSubstr("#/frames/1/file_path"), HasSubstr("leaves"),
+                                    HasSubstr("images/0001.jpg")))
+        << name;
+  }
+  EXPECT_THAT(import("images/link.jpg"), HasSubstr("is a link"));
+  EXPECT_THAT(import("up/secret"), HasSubstr("is a link"));
+  for (const char* name : {"./images/inside", "images/inside.jpg", "images/../images/inside.jpg"}) {
+    EXPECT_EQ(import(name), "accepted") << name;
+  }
+  ::setenv(kFollowLinksVariable, "1", 1);
+  for (const std::string& name : {std::string("../secret"), absolute, std::string("up/secret"),
+                                  std::string("images/link.jpg")}) {
+    EXPECT_EQ(import(name), "accepted") << name;
+  }
+  ::unsetenv(kFollowLinksVariable);
 }
 
 TEST_F(Nerf, BadModelsAreRefusedAtThePlace) {

@@ -11,6 +11,7 @@
 #include <array>
 #include <cctype>
 #include <cerrno>
+#include <cstdlib>
 #include <optional>
 #include <string_view>
 #include <system_error>
@@ -127,6 +128,17 @@ std::optional<CameraPictures> pictures_of(const fs::path& folder, const std::str
   return result;
 }
 
+/// The user's permission to follow links out of folders includes paths that leave them.
+bool may_leave_folders() {
+  const char* const value = std::getenv(kFollowLinksVariable);  // NOLINT(concurrency-mt-unsafe)
+  return value != nullptr && std::string_view(value) == "1";
+}
+
+bool leaves_folder_of_images(const fs::path& image) {
+  const fs::path plain = image.lexically_normal();
+  return plain.is_absolute() || plain.empty() || *plain.begin() == "..";
+}
+
 Error no_pictures(const ForeignRig::Camera& camera, const std::string& searched) {
   const std::string& id = camera.geometry.id;
   return Error::bad_input(
@@ -143,11 +155,26 @@ Error no_pictures(const ForeignRig::Camera& camera, const std::string& searched)
 fs::path find_named_picture(std::span<const fs::path> folders, const std::string& image,
                             const std::string& place) {
   std::error_code ignored;
+  const bool leaves = leaves_folder_of_images(image);
+  if (leaves && !may_leave_folders()) {
+    throw Error::bad_input(
+        fmt::format("the image \"{}\" is named by a path that leaves the folder of the images",
+
+                    image),
+        place,
+        "Name it below that folder, such as \"images/0001.jpg\"; if you trust the file, permit "
+        "that "
+        "links are followed, too")
+        .concerning({"images"});
+  }
   for (const fs::path& folder : folders) {
+    const fs::path existing = folder.empty() ? fs::path(".") : folder;
     for (const char* extension :
          {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".exr", ".tif", ".tiff"}) {
-      const fs::path file = folder / (image + extension);
-      if (fs::is_regular_file(file, ignored)) return file;
+      const std::string name = image + extension;
+      const bool is_there = leaves ? fs::is_regular_file(existing / name, ignored)
+                                   : is_contained_file({existing, name});
+      if (is_there) return existing / name;
     }
   }
   throw Error::bad_input(

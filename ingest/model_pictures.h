@@ -12,7 +12,9 @@
 namespace raystage::ingest {
 
 /// Returns the picture that a model names, with or without its extension, in the first of `folders`
-/// that contains it. `place`: of the name. Throws Error (bad input) if none does.
+/// that contains it. It is a regular file below the folder and not behind links, unless the user
+/// permits these (contained_path.h). `place`: of the name. Throws Error (bad input) if none
+/// contains it, and for names that leave the folder.
 std::filesystem::path find_named_picture(std::span<const std::filesystem::path> folders,
                                          const std::string& image, const std::string& place);
 

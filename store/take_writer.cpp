@@ -1,43 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes a take in a temporary folder next to its final one and renames it on commit(), after all
 // files are on disk.
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cassert>
-#include <cerrno>
-#include <cstdio>
 #include <optional>
 #include <system_error>
 #include <utility>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
-#include "base/posix_file.h"
-#include "base/resources.h"
+#include "base/temporary_folder.h"
 #include "store/take.h"
 
 namespace raystage::store {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Returns "out/take/" and "take" as "/.../out/take": with a name and a parent.
-fs::path full_path(const fs::path& folder) {
-  fs::path path = fs::absolute(folder).lexically_normal();
-  return path.has_filename() ? path : path.parent_path();
-}
-
-fs::path temporary_folder_beside(const fs::path& folder) {
-  // Static: the counter makes the name unique within the process.
-  static std::atomic<unsigned> counter{0};
-  std::string suffix = fmt::format(".{}.{}.{}.tmp", host_name(), getpid(), counter++);
-  std::ranges::replace(suffix, '/', '_');
-  return folder.parent_path() / fmt::format(".{}{}", folder.filename().string(), suffix);
-}
 
 void check_ids(const schemas::TakeDocument& take, const schemas::RigDocument& rig) {
   const std::string where = "take \"" + take.name + "\"";
@@ -65,22 +45,10 @@ void check_ids(const schemas::TakeDocument& take, const schemas::RigDocument& ri
   }
 }
 
-// Renames, but never onto an existing file.
-int rename_to_new(const fs::path& from, const fs::path& to) {
-  if (renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
-  if (errno != EINVAL && errno != ENOSYS) return -1;
-  // Not every file system supports this; otherwise at worst an empty folder is replaced.
-  if (fs::exists(to)) {
-    errno = EEXIST;
-    return -1;
-  }
-  return std::rename(from.c_str(), to.c_str());
-}
-
 }  // namespace
 
 struct TakeWriter::State {
-  fs::path target, working;
+  std::optional<TemporaryFolder> folder;
   schemas::TakeDocument take;
   schemas::RigDocument rig;
   FrameCodec codec = FrameCodec::kJpeg;
@@ -100,31 +68,25 @@ TakeWriter::TakeWriter(const fs::path& folder, schemas::TakeDocument take, schem
   schemas::parse_take(schemas::format_take(take), "take.json");
   schemas::parse_rig(schemas::format_rig(rig), "rig.json");
 
-  state_->target = full_path(folder);
-  state_->working = temporary_folder_beside(state_->target);
   state_->archives.resize(take.cameras.size());
   state_->take = std::move(take);
   state_->codec = codec;
   state_->rig = std::move(rig);
-  if (fs::exists(fs::symlink_status(state_->target))) {
-    throw Error::bad_input("a file or folder of this name exists", state_->target.string(),
+  const fs::path target = path_with_name(folder);
+  if (fs::exists(fs::symlink_status(target))) {
+    throw Error::bad_input("a file or folder of this name exists", target.string(),
                            "Choose another name for the take, or remove it");
   }
+  state_->folder.emplace(target);
   try {
-    create_folder(state_->working / "archive");
+    create_folder(state_->folder->path() / "archive");
   } catch (const Error& error) {
-    std::error_code ignored;
-    fs::remove_all(state_->working, ignored);
-    throw Error::failed(error.what_happened(), state_->target.string(), error.what_to_do());
+    throw Error::failed(error.what_happened(), state_->folder->target().string(),
+                        error.what_to_do());
   }
 }
 
-TakeWriter::~TakeWriter() {
-  if (state_->committed) return;
-  state_->archives.clear();
-  std::error_code ignored;
-  fs::remove_all(state_->working, ignored);
-}
+TakeWriter::~TakeWriter() = default;
 
 ArchiveWriter& TakeWriter::archive(int camera) {
   const auto index = static_cast<std::size_t>(camera);
@@ -133,7 +95,7 @@ ArchiveWriter& TakeWriter::archive(int camera) {
   if (!slot) {
     const schemas::TakeDocument::Camera& entry = state_->take.cameras[index];
     const schemas::CameraGeometry& geometry = state_->rig.cameras[index].geometry;
-    slot.emplace(state_->working / entry.archive, state_->working / entry.journal,
+    slot.emplace(working_folder() / entry.archive, working_folder() / entry.journal,
                  ArchiveWriter::Description{entry.id, geometry.width, geometry.height,
                                             state_->take.epoch_utc,
                                             entry.pixels ? FrameCodec::kPicture : state_->codec});
@@ -147,7 +109,7 @@ void TakeWriter::set_peak(int camera, double peak) {
   pixels->peak = peak;
 }
 
-const fs::path& TakeWriter::working_folder() const { return state_->working; }
+const fs::path& TakeWriter::working_folder() const { return state_->folder->path(); }
 
 void TakeWriter::finish() {
   assert(!state_->finished);
@@ -157,19 +119,17 @@ void TakeWriter::finish() {
 
 void TakeWriter::finish_documents() {
   assert(!state_->finished);
-  schemas::write_rig(state_->rig, state_->working / "rig.json");
-  schemas::write_take(state_->take, state_->working / "take.json");
+  schemas::write_rig(state_->rig, working_folder() / "rig.json");
+  schemas::write_take(state_->take, working_folder() / "take.json");
   state_->finished = true;
 }
 
 void TakeWriter::commit() {
   assert(!state_->committed);
   if (!state_->finished) finish();
-  // A take under its final name must be whole even after a power loss.
-  sync_files_below(state_->working);
-  if (rename_to_new(state_->working, state_->target) != 0) {
+  if (!state_->folder->commit()) {
     throw Error::from_errno("the finished take cannot be renamed to its final name",
-                            state_->target.string(),
+                            state_->folder->target().string(),
                             "Check that no file of this name was created meanwhile");
   }
   state_->committed = true;

@@ -185,13 +185,15 @@ Luma picture_of(const LightFieldFrame& instant, std::size_t camera, const Camera
   return {pinhole.width, pinhole.height, image.plane()};
 }
 
-/// Returns an instant's depths averaged with those of the adjacent instants. Memory: the maps of
+/// Returns an instant's depths averaged with those of the adjacent instants, but for imported depths,
+/// which stay as they are. Memory: the maps of
 /// three instants, and as many cameras at a time as fit `working_bytes`.
 std::shared_ptr<const NotedDepths> time_averaged_depths(
     const LightFieldFrame& instant, ResultCache& result_cache, std::size_t working_bytes,
     const DepthEstimationOptions& estimation, bool stores_depths, DepthEstimationStatistics& work) {
   const std::vector<LightFieldFrame> adjacent = adjacent_instants(instant);
-  if (adjacent.empty()) {
+  const auto imported = ImportedDepths::of(*instant.take, result_cache);
+  if (adjacent.empty() || imported->covers(instant, estimation.regions)) {
     return camera_depths(instant, result_cache, working_bytes, estimation, stores_depths, work);
   }
   std::string key = "steadied " + depth_cache_key(instant, estimation);
@@ -219,6 +221,7 @@ std::shared_ptr<const NotedDepths> time_averaged_depths(
     const auto never = [] { return false; };
     parallel_for_in_order(depths.maps.size(), in_flight, never, [&](std::size_t i) {
       if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
+      if (imported->has_map(instant, static_cast<int>(i))) return;
       const Luma now = picture_of(instant, i, depths, decoded);
       store::OpticalFlowEstimator flow;
       std::vector<PictureWithDepths> moved;

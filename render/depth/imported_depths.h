@@ -30,6 +30,10 @@ class ImportedDepths {
   static std::shared_ptr<const ImportedDepths> of(const store::Take& take,
                                                   ResultCache& result_cache);
 
+  /// Returns whether a camera has an imported map of its frame.
+  bool has_map(const LightFieldFrame& instant, int camera) const {
+    return find(instant, camera) != nullptr;
+  }
   /// Returns whether all cameras of the light field frame whose depths are wanted have maps.
   bool covers(const LightFieldFrame& instant, const EstimationRegions& regions) const;
   /// Replaces the maps of cameras that have imported ones, of this host's cameras. Returns whether

@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/bagit/write_bag.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
-#include <unistd.h>
 #include <xxhash.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <fstream>
 #include <memory>
 #include <new>
@@ -21,7 +17,7 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/posix_file.h"
-#include "base/resources.h"
+#include "base/temporary_folder.h"
 #include "store/bagit/digests.h"
 #include "store/bagit/file_formats.h"
 #include "store/bagit/ocfl_object.h"
@@ -46,50 +42,13 @@ struct BaggedFile {
   std::uint64_t xxh3 = 0;
 };
 
-/// A hidden folder next to the target, which commit() renames to it. The destructor removes it.
-class WorkingFolder {
- public:
-  explicit WorkingFolder(const fs::path& folder) {
-    const fs::path absolute = fs::absolute(folder).lexically_normal();
-    target_ = absolute.has_filename() ? absolute : absolute.parent_path();
-    if (fs::exists(fs::symlink_status(target_))) {
-      throw Error::bad_input("a file or folder of this name exists", target_.string(),
-                             "Choose another name for the bag, or remove it");
-    }
-    std::string suffix = fmt::format(".{}.{}.tmp", host_name(), getpid());
-    std::ranges::replace(suffix, '/', '_');
-    path_ = target_.parent_path() / fmt::format(".{}{}", target_.filename().string(), suffix);
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);  // of an ended process that had this number
-    create_folder(path_);
-  }
-  ~WorkingFolder() {
-    if (is_committed_) return;
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  WorkingFolder(const WorkingFolder&) = delete;
-  WorkingFolder& operator=(const WorkingFolder&) = delete;
-
-  const fs::path& path() const { return path_; }
-  void commit() {
-    sync_files_below(path_);
-    if (renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), RENAME_NOREPLACE) != 0) {
-      const bool is_unsupported = errno == EINVAL || errno == ENOSYS;
-      if (!is_unsupported || fs::exists(target_) ||
-          std::rename(path_.c_str(), target_.c_str()) != 0) {
-        throw Error::from_errno("the bag cannot be renamed to its name", target_.string(),
-                                "Choose another name for the bag");
-      }
-    }
-    is_committed_ = true;
-    sync_folder(target_.parent_path());
-  }
-
- private:
-  fs::path target_, path_;
-  bool is_committed_ = false;
-};
+/// Throws Error (bad input) if there is a file or folder of this name.
+fs::path require_no_bag(const fs::path& given) {
+  fs::path folder = path_with_name(given);
+  if (!fs::exists(fs::symlink_status(folder))) return folder;
+  throw Error::bad_input("a file or folder of this name exists", folder.string(),
+                         "Choose another name for the bag, or remove it");
+}
 
 struct FreeXxh3 {
   void operator()(XXH3_state_t* state) const { XXH3_freeState(state); }
@@ -122,18 +81,21 @@ class BagWriter {
   BagWriter(const Take& take, const fs::path& folder, const BagOptions& options)
       : take_(take),
         options_(options),
-        working_(folder),
+        working_(require_no_bag(folder)),
         root_(options.is_ocfl ? working_.path() / kOcflContent : working_.path()) {}
 
   BagWriteReport run() {
     report_.identifier = options_.identifier.empty() ? take_identifier(take_) : options_.identifier;
     copy_payload();
     verify_payload();
-    make_events();
+    add_creation_event();
     write_tag_files();
     if (options_.is_ocfl) write_object();
     require_not_stopped();
-    working_.commit();
+    if (!working_.commit()) {
+      throw Error::from_errno("the bag cannot be renamed to its name", working_.target().string(),
+                              "Choose another name for the bag");
+    }
     report_.status = RunStatus::kFinished;
     return std::move(report_);
   }
@@ -224,20 +186,31 @@ class BagWriter {
     how.stop = options_.stop;
     const TakeFixityReport found = verify_take(root_ / "data", how);
     require_not_stopped();
-    if (found.is_readable() && found.is_intact()) return;
+    schemas::TakeEvent event = new_event();
+    event.type = "fixity check";
+    event.detail = "bag: the copy of every frame compared with its XXH3";
+    if (found.is_readable() && found.is_intact()) {
+      event.note = "intact";
+      report_.events.push_back(make_event(take_.folder(), event));
+      return;
+    }
+    event.outcome = schemas::TakeEvent::Outcome::kFailure;
+    event.note = "damaged or not closed";
+    if (options_.on_damage) options_.on_damage(make_event(take_.folder(), event));
     throw Error::bad_input("the take is damaged or not closed, and no bag was written",
                            take_.folder().string(),
                            "See what is wrong by `raystage verify`, and run `raystage repair`");
   }
 
-  void make_events() {
+  schemas::TakeEvent new_event() const {
     schemas::TakeEvent event;
     event.program = options_.program;
     event.version = options_.version;
-    event.type = "fixity check";
-    event.detail = "bag: the copy of every frame compared with its XXH3";
-    event.note = "intact";
-    report_.events.push_back(make_event(take_.folder(), event));
+    return event;
+  }
+
+  void add_creation_event() {
+    schemas::TakeEvent event = new_event();
     event.type = "information package creation";
     event.detail =
         options_.is_ocfl ? "bag --ocfl: BagIt 1.0 in an OCFL 1.1 object" : "bag: BagIt 1.0";
@@ -368,7 +341,7 @@ class BagWriter {
 
   const Take& take_;
   const BagOptions& options_;
-  WorkingFolder working_;
+  TemporaryFolder working_;
   const fs::path root_;
   std::vector<BaggedFile> payload_, tags_;
   BagWriteReport report_;

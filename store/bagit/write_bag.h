@@ -25,6 +25,8 @@ struct BagOptions {
   std::string program, version;          ///< Bag-Software-Agent, and the agent of events
   std::filesystem::path representation;  ///< see copy_representation()
   std::function<void(double)> progress;  ///< called with the share done, 0 to 1, from any thread
+  /// Called with the fixity check that found the take damaged or not closed, before the Error.
+  std::function<void(const schemas::TakeEvent&)> on_damage;
   std::stop_token stop;
 };
 

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <system_error>
 
+#include "store/fixity/event_log.h"
+
 namespace raystage::store {
 namespace {
 
@@ -67,6 +69,7 @@ std::string state_of_take(const fs::path& take) {
       entry.disable_recursion_pending();
       continue;
     }
+    if (name == kEventLogFile) continue;  // which every check makes longer
     if (!entry->is_regular_file(of_entry)) continue;
     const auto size = entry->file_size(of_entry);
     const auto changed = entry->last_write_time(of_entry).time_since_epoch().count();

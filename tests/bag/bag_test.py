@@ -22,7 +22,7 @@ BIN = pathlib.Path(os.environ["RAYSTAGE_BIN_DIR"])
 PREMIS = "{http://www.loc.gov/premis/v3}"
 TYPE = "{http://www.w3.org/2001/XMLSchema-instance}type"
 
-# Children in their order, of the elements of the PREMIS 3 schema that are used. "?": optional, "*": any number, "+": one or more.
+# Children in their order, of the elements of the PREMIS 3 schema (premis-v3-0.xsd) that are used; where it has a choice, the branch that is. "?": optional, "*": any number, "+": one or more.
 PREMIS_SEQUENCES = {
     "premis": "object+ event* agent* rights*",
     "representation": "objectIdentifier+ preservationLevel* significantProperties* originalName? storage* relationship*",
@@ -31,7 +31,7 @@ PREMIS_SEQUENCES = {
     "objectIdentifier": "objectIdentifierType objectIdentifierValue",
     "objectCharacteristics": "compositionLevel? fixity* size? format+ creatingApplication* inhibitors*",
     "fixity": "messageDigestAlgorithm messageDigest messageDigestOriginator?",
-    "format": "formatDesignation? formatRegistry? formatNote*",
+    "format": "formatDesignation formatRegistry? formatNote*",
     "formatDesignation": "formatName formatVersion?",
     "formatRegistry": "formatRegistryName formatRegistryKey formatRegistryRole?",
     "relationship": "relationshipType relationshipSubType relatedObjectIdentifier+",
@@ -40,8 +40,8 @@ PREMIS_SEQUENCES = {
              "linkingObjectIdentifier*",
     "eventIdentifier": "eventIdentifierType eventIdentifierValue",
     "eventDetailInformation": "eventDetail?",
-    "eventOutcomeInformation": "eventOutcome? eventOutcomeDetail*",
-    "eventOutcomeDetail": "eventOutcomeDetailNote?",
+    "eventOutcomeInformation": "eventOutcome eventOutcomeDetail*",
+    "eventOutcomeDetail": "eventOutcomeDetailNote",
     "linkingAgentIdentifier": "linkingAgentIdentifierType linkingAgentIdentifierValue linkingAgentRole*",
     "linkingObjectIdentifier": "linkingObjectIdentifierType linkingObjectIdentifierValue linkingObjectRole*",
     "agent": "agentIdentifier+ agentName* agentType? agentVersion? agentNote*",
@@ -276,6 +276,41 @@ class Bags(unittest.TestCase):
         self.assertNotEqual(events[-1]["sha256"], events[4]["sha256"])
         self.assertIn(b"events.jsonl", b" ".join(name.encode() for name in files_of(packed)))
 
+    def test_checks_of_catalogues_and_bags_are_events_of_the_take(self) -> None:
+        catalogue = self.root / "catalogue.json"
+        check = ("verify", "--catalogue", self.root, "--catalogue-file", catalogue, "-q")
+        run(*check)
+        run("verify", self.take, "-q")
+        self.assertIn("0 due; 0 checked now", run(*check), "an event is no change that makes a check due")
+        run("plan", "epi", self.take, "--write", "--progress", "none")
+        self.assertIn("1 checked now", run(*check))
+        archive = next((self.take / "archive").glob("*.mkv"))
+        data = bytearray(archive.read_bytes())
+        data[len(data) // 2] ^= 1
+        archive.write_bytes(data)
+        run(*check, code=1)
+        run("bag", self.take, "-o", self.root / "bag", "-q", code=2)
+        self.assertEqual([(event["type"], event["detail"].split(":")[0], event["outcome"]) for event in events_of(self.take)[2:]], [
+            ("fixity check", "verify --catalogue", "success"), ("fixity check", "verify --depth hashes", "success"),
+            ("metadata modification", "plan epi --write", "success"), ("fixity check", "verify --catalogue", "success"),
+            ("fixity check", "verify --catalogue", "failure"), ("fixity check", "bag", "failure")])
+
+    def test_a_killed_command_leaves_no_event_and_the_digest_shows_what_it_changed(self) -> None:
+        before = events_of(self.take)
+        process = subprocess.Popen([BIN / "raystage", "verify", self.take, "-q"], stdin=subprocess.DEVNULL,
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process.kill()
+        process.wait()
+        self.assertEqual(events_of(self.take), before)
+        # What changed the take without an event is seen in the next one.
+        run("verify", self.take, "-q")
+        document = json.loads((self.take / "take.json").read_text())
+        (self.take / "take.json").write_text(json.dumps(document))
+        run("verify", self.take, "-q")
+        last = events_of(self.take)
+        self.assertEqual(last[-2]["sha256"], before[-1]["sha256"])
+        self.assertNotEqual(last[-1]["sha256"], last[-2]["sha256"])
+
     def test_events_can_be_turned_off(self) -> None:
         before = files_of(self.take)
         subprocess.run([BIN / "raystage", "verify", self.take, "-q"], env=os.environ | {"RAYSTAGE_EVENT_LOG": "0"},
@@ -304,6 +339,51 @@ class Bags(unittest.TestCase):
         run("bag", self.take, "-o", bag, "-q")
         check_bag(bag)
         self.assertTrue(all(line for line in events_of(self.take)))
+        self.assertEqual(self.leftovers(), [])
+
+    def leftovers(self) -> list[str]:
+        return sorted(entry.name for entry in self.root.iterdir() if entry.name.startswith("."))
+
+    def kill_when(self, target: pathlib.Path, written: str, *arguments: object) -> None:
+        """Kills a command when it has written a file of this name in its hidden folder, and leaves that behind."""
+        process = subprocess.Popen([BIN / "raystage", *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL)
+        while process.poll() is None and not list(self.root.glob(f".{target.name}.*.tmp/{written}")):
+            time.sleep(0.0005)
+        process.kill()
+        process.wait()
+        if target.exists():  # it was faster
+            shutil.rmtree(target)
+
+    def test_the_next_run_removes_what_a_killed_one_left(self) -> None:
+        packed, images = self.root / "packed", self.root / "images"
+        commands = {
+            self.root / "bag": ("bag", self.take, "-o", self.root / "bag", "-q"),
+            self.root / "object": ("bag", self.take, "--ocfl", "-o", self.root / "object", "-q"),
+            packed: ("pack", self.take, "-o", packed, "-q", "--effort", 1),
+            images: ("export", "images", self.take, "-o", images, "-q", "--times", "recorded"),
+        }
+        moments = {"bag": ("", "data/archive/*", "premis.xml", "tagmanifest-sha256.txt"), "object": ("v1/content/data/*",),
+                   "packed": ("archive/*",), "images": ("*",)}
+        for target, command in commands.items():
+            left = 0
+            for moment in moments[target.name]:
+                for _ in range(5):
+                    self.kill_when(target, moment, *command)
+                    found = self.leftovers()
+                    self.assertLessEqual(len(found), 1, "each run removes what the one before left")
+                    left += len(found)
+            self.assertGreater(left, 0, target.name)
+            # Those of other targets and of other hosts, and links, stay.
+            kept = [f".{target.name}x.host.1.0123.tmp", f".{target.name}.other-host.999999.0123.tmp"]
+            for name in kept:
+                (self.root / name).mkdir()
+            run(*command)
+            self.assertEqual(self.leftovers(), sorted(kept))
+            for name in kept:
+                (self.root / name).rmdir()
+        check_bag(self.root / "bag")
+        check_object(self.root / "object")
 
     def test_exit_codes(self) -> None:
         bag = self.root / "bag"

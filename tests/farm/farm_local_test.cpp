@@ -68,6 +68,32 @@ TEST_F(FarmLocal, AJobGivesTheFramesOfAPlainRender) {
   EXPECT_TRUE(find_files(folder_, ".tmp").empty());
 }
 
+TEST_F(FarmLocal, ImportedDepthsTakeThePlaceOfEstimatedOnesInEveryTask) {
+  write_shot("deep", 6, 1, "depth");
+  ASSERT_EQ(here("raystage export depth -q 'show dir/take' -o maps && rm -rf 'show dir/take/depth' "
+                 "&& raystage import -q --depth 'show dir/take' maps")
+                .exit_code,
+            0);
+  const CommandResult farm = here(
+      "raystage farm submit 'show dir/deep.json' -o out/s.####.exr --engine local --chunk 2 "
+      "--no-preview --no-measure");
+  ASSERT_EQ(farm.exit_code, 0) << farm.err;
+  EXPECT_EQ(status("out/s.####.exr")["frames_done"], 6);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "show dir/take/depth")) << "nothing is estimated";
+  ASSERT_EQ(
+      here("raystage render -q 'show dir/deep.json' -o plain/s.####.exr --simd avx2").exit_code, 0);
+  EXPECT_TRUE(frames_in(folder_ / "out") == frames_in(folder_ / "plain"));
+  // Frames of other maps are other frames: nothing of an earlier run is kept in their place.
+  ASSERT_EQ(here("raystage import -q --depth 'show dir/take' maps --depth-existing overwrite "
+                 "--depth-unit 1.2")
+                .exit_code,
+            0);
+  const CommandResult again =
+      here("raystage render 'show dir/deep.json' -o plain/s.####.exr --simd avx2 --existing skip");
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_FALSE(frames_in(folder_ / "out") == frames_in(folder_ / "plain"));
+}
+
 TEST_F(FarmLocal, FramesBelowTheLeastCoverageAreNamedAndNotRepeated) {
   const auto shot = folder_ / "show dir" / "shot.json";
   write_text(shot, replaced(read_text(shot), "\"position\": [0.03, 0, 0.1]",

@@ -12,6 +12,7 @@
 #include "base/time.h"
 #include "schemas/array_specification.h"
 #include "schemas/bench_document.h"
+#include "schemas/event_document.h"
 #include "schemas/farm_job_document.h"
 #include "schemas/farm_records.h"
 #include "schemas/fixity_catalogue.h"
@@ -62,7 +63,7 @@ void read_offsets(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 20) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 21) {
     case 0:
       round_trip(text, raystage::schemas::parse_rig, raystage::schemas::format_rig);
       break;
@@ -126,6 +127,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 19:
       round_trip(text, raystage::schemas::parse_fixity_catalogue,
                  raystage::schemas::format_fixity_catalogue);
+      break;
+    case 20:
+      round_trip(text, raystage::schemas::parse_event, raystage::schemas::format_event);
       break;
     case 5:
     default:

@@ -325,8 +325,9 @@ TEST_F(ImportDepths, MapsAreNotAveragedOverTime) {
   }
   options.encoding.unit_m = 1.01;
   import_depths(take, maps(), options, {});
+  const store::Timeline timeline = store::build_timeline(take, 15, 0);
   render::RendererOptions on_ticks;
-  on_ticks.ticks = store::build_timeline(take, 15, 0).ticks;
+  on_ticks.ticks = timeline.ticks;
   const auto depths = [&](bool temporal) {
     return render(take, testing::default_view(), {{"temporal", temporal}}, on_ticks, 1).z;
   };

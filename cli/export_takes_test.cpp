@@ -68,6 +68,41 @@ TEST_F(ExportTakes, EveryFormHasACommand) {
   EXPECT_TRUE(exists("q_qs2x1a1.5.png"));
 }
 
+TEST_F(ExportTakes, DepthMapsAreImportedOrRefusedWithTheReason) {
+  ASSERT_EQ(exported("depth take -o maps --frames 1 -q").exit_code, 0);
+  ASSERT_EQ(exported("depth take -o codes --frames 1 --format png -q").exit_code, 0);
+  const auto imported = [&](const std::string& arguments) {
+    return testing::run_raystage("import -q --depth '" + data.path().string() + "' '" +
+                                 data.out("").string() + arguments);
+  };
+  struct Case {
+    const char *arguments, *message;
+  };
+  for (const Case& c :
+       {Case{"codes'", "no range or unit was stated"},
+        Case{"codes' --depth-near 5 --depth-far 2", "far"},
+        Case{"codes' --depth-far 9", "--depth-near"},
+        Case{"codes' --depth-near 2 --depth-unit 1", "--depth-unit"},
+        Case{"maps' --depth-near 2", "EXR files hold depths"},
+        Case{"maps' --depth-unit -1", "--depth-unit"},
+        Case{"maps' --depth-channel Q", "no channel Q"},
+        Case{"maps' --depth-kind far", "--depth-kind"}, Case{"maps' --rig-only", "--rig-only"},
+        Case{"none'", "none: the folder cannot be read"}}) {
+    const auto refused = imported(c.arguments);
+    EXPECT_EQ(refused.exit_code, 2) << c.arguments << refused.output;
+    EXPECT_THAT(refused.output, HasSubstr(c.message)) << c.arguments;
+  }
+  EXPECT_FALSE(std::filesystem::exists(data.path() / "imported_depth" / "maps.json"));
+  const auto millimetres = imported("maps' --depth-unit 0.001");
+  EXPECT_EQ(millimetres.exit_code, 0) << millimetres.output;
+  EXPECT_THAT(millimetres.output,
+              AllOf(HasSubstr("(0 replaced)"), HasSubstr("far outside of the take's depth range")));
+  const auto again = imported("maps'");
+  EXPECT_EQ(again.exit_code, 2);
+  EXPECT_THAT(again.output, HasSubstr("has an imported depth map of frame"));
+  EXPECT_EQ(imported("maps' --depth-existing overwrite").exit_code, 0);
+}
+
 TEST_F(ExportTakes, ImagesBecomeTheSameTakeAgain) {
   ASSERT_EQ(exported("images take -o i -q").exit_code, 0);
   const std::filesystem::path back = data.out("back");

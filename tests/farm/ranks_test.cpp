@@ -43,6 +43,10 @@ class Ranks : public ::testing::Test {
       for (const char* document : {"take.json", "rig.json", "timeline.zst"}) {
         fs::copy_file(folder_.path() / "take" / document, to / document);
       }
+      if (fs::exists(folder_.path() / "take" / "imported_depth")) {
+        fs::copy(folder_.path() / "take" / "imported_depth", to / "imported_depth",
+                 fs::copy_options::recursive);
+      }
       for (int camera = 0; camera < kSide * kSide; ++camera) {
         const int column = camera % kSide, row = camera / kSide;
         if ((row * (ranks / columns) / kSide) * columns + column * columns / kSide != rank)
@@ -134,6 +138,19 @@ TEST_F(Ranks, RenderTheViewsOfLumigraphsAndSlabsAsOneProcessDoes) {
 TEST_F(Ranks, FetchPartsOfFramesForPlaneSweep) { expect_equal_to_local("plane_sweep", "{}", true); }
 
 TEST_F(Ranks, FindDepthsTogether) { expect_equal_to_local("depth", R"({"near": 2, "far": 12})"); }
+
+// The maps are farther than the scene, so that estimated depths would give other pictures.
+TEST_F(Ranks, UseImportedDepthsAsOneProcessDoes) {
+  write_shot("depth", "{}");
+  ASSERT_EQ(here("raystage render shot.json -j 1 -o estimated/f.####.exr").exit_code, 0);
+  const CommandResult imported = here(
+      "raystage export depth -q take -o maps && rm -rf take/depth && raystage import -q --depth "
+      "take maps --depth-unit 1.3");
+  ASSERT_EQ(imported.exit_code, 0) << imported.err;
+  expect_equal_to_local("depth", "{}");
+  EXPECT_GT(difference("local", "estimated", 1).share, 0.2);
+  expect_equal_to_local("lumigraph", R"({"proxy": "depth"})");
+}
 
 // Each rank interpolates the pictures of its own cameras; for plane sweep, those that it fetched.
 TEST_F(Ranks, RenderExactTimesAsOneProcessDoes) {

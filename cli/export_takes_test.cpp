@@ -69,10 +69,18 @@ TEST_F(ExportTakes, EveryFormHasACommand) {
 }
 
 TEST_F(ExportTakes, DepthMapsAreImportedOrRefusedWithTheReason) {
-  ASSERT_EQ(exported("depth take -o maps --frames 1 -q").exit_code, 0);
-  ASSERT_EQ(exported("depth take -o codes --frames 1 --format png -q").exit_code, 0);
+  const std::filesystem::path take = data.out("stage");
+  ASSERT_EQ(testing::run_raystage("simulate stage -q --rows 2 --columns 2 --width 48 --height 36 "
+                                  "--fps 10 --seconds 0.4 --startup-loss-seconds 0 --truth-views 0 "
+                                  "-o '" +
+                                  take.string() + "'")
+                .exit_code,
+            0);
+  ASSERT_EQ(testing::run_raystage("sync -q '" + take.string() + "'").exit_code, 0);
+  ASSERT_EQ(exported("depth stage -o maps -q").exit_code, 0);
+  ASSERT_EQ(exported("depth stage -o codes --format png -q").exit_code, 0);
   const auto imported = [&](const std::string& arguments) {
-    return testing::run_raystage("import -q --depth '" + data.path().string() + "' '" +
+    return testing::run_raystage("import -q --depth '" + take.string() + "' '" +
                                  data.out("").string() + arguments);
   };
   struct Case {
@@ -87,12 +95,12 @@ TEST_F(ExportTakes, DepthMapsAreImportedOrRefusedWithTheReason) {
         Case{"maps' --depth-unit -1", "--depth-unit"},
         Case{"maps' --depth-channel Q", "no channel Q"},
         Case{"maps' --depth-kind far", "--depth-kind"}, Case{"maps' --rig-only", "--rig-only"},
-        Case{"none'", "none: the folder cannot be read"}}) {
+        Case{"none'", "the folder cannot be read: No such file"}}) {
     const auto refused = imported(c.arguments);
     EXPECT_EQ(refused.exit_code, 2) << c.arguments << refused.output;
     EXPECT_THAT(refused.output, HasSubstr(c.message)) << c.arguments;
   }
-  EXPECT_FALSE(std::filesystem::exists(data.path() / "imported_depth" / "maps.json"));
+  EXPECT_FALSE(std::filesystem::exists(take / "imported_depth" / "maps.json"));
   const auto millimetres = imported("maps' --depth-unit 0.001");
   EXPECT_EQ(millimetres.exit_code, 0) << millimetres.output;
   EXPECT_THAT(millimetres.output,

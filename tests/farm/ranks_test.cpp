@@ -149,7 +149,6 @@ TEST_F(Ranks, UseImportedDepthsAsOneProcessDoes) {
   ASSERT_EQ(imported.exit_code, 0) << imported.err;
   expect_equal_to_local("depth", "{}");
   EXPECT_GT(difference("local", "estimated", 1).share, 0.2);
-  expect_equal_to_local("lumigraph", R"({"proxy": "depth"})");
 }
 
 // Each rank interpolates the pictures of its own cameras; for plane sweep, those that it fetched.

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "exports/output_folder.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>

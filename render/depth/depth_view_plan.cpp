@@ -185,9 +185,9 @@ Luma picture_of(const LightFieldFrame& instant, std::size_t camera, const Camera
   return {pinhole.width, pinhole.height, image.plane()};
 }
 
-/// Returns an instant's depths averaged with those of the adjacent instants, but for imported depths,
-/// which stay as they are. Memory: the maps of
-/// three instants, and as many cameras at a time as fit `working_bytes`.
+/// Returns an instant's depths averaged with those of the adjacent instants, but for imported
+/// depths, which stay as they are. Memory: the maps of three instants, and as many cameras at a
+/// time as fit `working_bytes`.
 std::shared_ptr<const NotedDepths> time_averaged_depths(
     const LightFieldFrame& instant, ResultCache& result_cache, std::size_t working_bytes,
     const DepthEstimationOptions& estimation, bool stores_depths, DepthEstimationStatistics& work) {

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -241,6 +242,60 @@ TEST_F(ShotCheckTest, ReportsHoldTheSameNumbers) {
 TEST_F(ShotCheckTest, NamesInDocumentsAreNoMarkup) {
   shot_.layers[0].name = "<script>alert(1)</script>";
   EXPECT_THAT(shot_check_as_page(check()), Not(HasSubstr("<script>alert")));
+}
+
+/// Returns four fisheyes of 252 degrees that look outwards from the corners of a tetrahedron.
+schemas::RigDocument outward_fisheyes() {
+  schemas::RigDocument rig;
+  rig.name = "four";
+  const std::array<Eigen::Vector3d, 4> corners{{{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}}};
+  for (const Eigen::Vector3d& corner : corners) {
+    const Eigen::Vector3d back = -corner.normalized();
+    const Eigen::Vector3d right = Eigen::Vector3d::UnitY().cross(back).normalized();
+    const Eigen::Vector3d up = back.cross(right);
+    schemas::RigDocument::Camera camera;
+    schemas::CameraGeometry& g = camera.geometry;
+    g.id = fmt::format("c{}", rig.cameras.size());
+    g.width = testing::kWidth;
+    g.height = testing::kHeight;
+    g.intrinsics = {10.9, 10.9, g.width / 2.0, g.height / 2.0, {}};
+    g.intrinsics.projection = schemas::Projection::kFtheta;
+    g.intrinsics.half_angle = 2.2;
+    for (std::size_t row = 0; row < 3; ++row) {
+      const auto axis = static_cast<Eigen::Index>(row);
+      g.world_from_camera[4 * row] = right[axis];
+      g.world_from_camera[4 * row + 1] = up[axis];
+      g.world_from_camera[4 * row + 2] = back[axis];
+      g.world_from_camera[4 * row + 3] = 0.1 * corner[axis];
+    }
+    rig.cameras.push_back(camera);
+  }
+  return rig;
+}
+
+TEST_F(ShotCheckTest, ChecksAllDirectionsWithinAnArrayThatLooksOutwards) {
+  schemas::write_rig(outward_fisheyes(), folder_.path() / "take/rig.json");
+  shot_.camera.projection = schemas::ShotDocument::Camera::Projection::kEquirectangular;
+  shot_.width = 60;
+  shot_.camera.keys = {testing::camera_key(101, {0.01, -0.01, 0.02}, 40)};
+  const ShotCheck within = check();
+  ASSERT_EQ(within.layers.size(), 1U);
+  const LayerCheck& layer = within.layers[0];
+  EXPECT_TRUE(layer.sees_all_directions);
+  EXPECT_EQ(layer.frames.front().unrecorded_share, 0);
+  EXPECT_FALSE(layer.frames.front().boundary_distance);
+  ASSERT_TRUE(layer.frames.front().resolution);
+  // 60 pixels around are 9.5 per radian; the cameras have 10.9.
+  EXPECT_EQ(layer.frames.front().resolution, 1);
+  EXPECT_EQ(layer.frames[2].cameras, 3);
+  EXPECT_GT(layer.frames[2].unrecorded_share, 0.2) << "a side of the array is open";
+  EXPECT_EQ(layer.frames[2].unrecorded_share_of_all, 0);
+  EXPECT_THAT(format_shot_check(within), HasSubstr("directions"));
+
+  shot_.camera.keys = {testing::camera_key(101, {0.5, 0, 0}, 40)};
+  const double outside = check().layers[0].frames.front().unrecorded_share;
+  EXPECT_GT(outside, 0.8) << "few lines through a point outside meet the array";
+  EXPECT_LT(outside, 1);
 }
 
 TEST_F(ShotCheckTest, RefusesWhatItCannotCheck) {

@@ -153,6 +153,33 @@ TEST_F(OutwardArrays, ASphereOfFisheyesShowsTheSceneAllAround) {
   }
 }
 
+// Facets share their fisheye's frame: neither the depths nor the view decode it once for each.
+TEST_F(OutwardArrays, FacetsOfAFisheyeAreDecodedTogether) {
+  const store::Take take = write(sphere_of_fisheyes());
+  const VirtualCamera view = views_within(false).front();
+  RendererOptions options;
+  options.result_cache = std::make_shared<ResultCache>(std::size_t{1} << 28U);
+  const auto decoded = [&] {
+    const LightFieldRenderer renderer(take, options);  // holds no frames
+    return renderer
+        .render(view, store::select_frames(take, 0, 30'000'000),
+                {.method = "depth",
+                 .focal_plane = rig::fronto_parallel_plane(take.rig(), kRadius),
+                 .options = {{"all_cameras", true}, {"store_depths", false}}})
+        .statistics;
+  };
+  constexpr std::int64_t kAll = 16 * 208 * 208;  // whole MCUs
+  const RenderStatistics with_depths = decoded();
+  EXPECT_GT(with_depths.pixels_decoded, 16 * 200 * 200 - 1);
+  EXPECT_LE(with_depths.pixels_decoded, kAll);
+  options.count_needed_pixels = true;
+  const RenderStatistics of_view = decoded();
+  EXPECT_GT(of_view.pixels_decoded, 0);
+  EXPECT_LT(of_view.pixels_decoded, of_view.pixels_needed);
+  EXPECT_GE(of_view.pixels_decoded, of_view.pixels_needed);
+  EXPECT_LE(of_view.cameras_used, 16);
+}
+
 TEST_F(OutwardArrays, ARingOfPinholesShowsTheSceneAroundIt) {
   const store::Take take = write(ring_of_pinholes());
   ASSERT_TRUE(take.rig().looks_around());

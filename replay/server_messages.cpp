@@ -10,6 +10,7 @@
 #include "base/little_endian.h"
 #include "base/time.h"
 #include "render/methods.h"
+#include "rig/lens_summary.h"
 
 namespace raystage::replay {
 namespace {
@@ -43,9 +44,13 @@ Json json_from(const compose::CameraState& state) {
 Json array_cameras(const rig::Rig& rig) {
   Json cameras = Json::array();
   for (const rig::Rig::Camera& camera : rig.cameras) {
-    cameras.push_back({{"id", camera.id},
-                       {"position", json_from(camera.pose.position)},
-                       {"orientation", json_from(camera.pose.world_from_camera_rotation)}});
+    Json json{{"id", camera.id},
+              {"position", json_from(camera.pose.position)},
+              {"orientation", json_from(camera.pose.world_from_camera_rotation)}};
+    if (camera.model.fisheye() != nullptr) {
+      json["half_angle"] = rig::recorded_half_angle(camera.model);
+    }
+    cameras.push_back(std::move(json));
   }
   return cameras;
 }

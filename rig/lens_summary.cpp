@@ -18,24 +18,24 @@ double pinhole_fov(const CameraModel& model) {
   return std::atan(lens.cx / lens.fx) + std::atan((model.width() - lens.cx) / lens.fx);
 }
 
-/// Returns twice the largest angle of a ray to the axis in the picture.
-double fisheye_fov(const CameraModel& model) {
-  const FisheyeLens& lens = *model.fisheye();
-  const schemas::Intrinsics& k = model.intrinsics();
-  const double corner =
-      std::hypot(std::max(std::abs(k.cx), std::abs(model.width() - k.cx)) / k.fx,
-                 std::max(std::abs(k.cy), std::abs(model.height() - k.cy)) / k.fy);
-  return 2 * lens.angle(corner).value_or(lens.largest_angle());
-}
-
 }  // namespace
+
+double recorded_half_angle(const CameraModel& fisheye) {
+  const FisheyeLens& lens = *fisheye.fisheye();
+  const schemas::Intrinsics& k = fisheye.intrinsics();
+  const double corner =
+      std::hypot(std::max(std::abs(k.cx), std::abs(fisheye.width() - k.cx)) / k.fx,
+                 std::max(std::abs(k.cy), std::abs(fisheye.height() - k.cy)) / k.fy);
+  return lens.angle(corner).value_or(lens.largest_angle());
+}
 
 std::vector<LensSummary> summarise_lenses(const Rig& rig) {
   std::vector<LensSummary> lenses;
   for (const Rig::Camera& camera : rig.cameras) {
     const schemas::Projection projection = camera.model.intrinsics().projection;
-    const double fov = kDegrees * (camera.model.fisheye() != nullptr ? fisheye_fov(camera.model)
-                                                                     : pinhole_fov(camera.model));
+    const double fov =
+        kDegrees * (camera.model.fisheye() != nullptr ? 2 * recorded_half_angle(camera.model)
+                                                      : pinhole_fov(camera.model));
     auto found = std::ranges::find(lenses, projection, &LensSummary::projection);
     if (found == lenses.end()) found = lenses.insert(lenses.end(), {projection, 0, fov, fov});
     ++found->cameras;

@@ -18,6 +18,10 @@ struct LensSummary {
   double min_fov_deg = 0, max_fov_deg = 0;
 };
 
+/// Returns the largest angle to the axis of a ray in a fisheye's picture, radians, as far as the
+/// lens and the corners of the picture reach.
+double recorded_half_angle(const CameraModel& fisheye);
+
 /// Returns the lenses of a rig, the most frequent projection first.
 std::vector<LensSummary> summarise_lenses(const Rig& rig);
 

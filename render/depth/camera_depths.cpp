@@ -296,24 +296,36 @@ class Solver {
       is_needed[i] = true;
       for (const std::size_t other : pass.reads[i]) is_needed[other] = true;
     }
-    std::vector<int> missing;
+    std::vector<std::vector<int>> missing;  // facets of a fisheye, which share a frame, together
     for (std::size_t i = 0; i < members_.size(); ++i) {
-      MatchingImage& held = images_[members_[i]];
+      const int camera = members_[i];
+      MatchingImage& held = images_[camera];
       if (!is_needed[i]) held = {};
-      if (is_needed[i] && held.width() == 0) missing.push_back(members_[i]);
+      if (!is_needed[i] || held.width() > 0) continue;
+      if (missing.empty() || !share_a_frame(missing.back().front(), camera)) missing.emplace_back();
+      missing.back().push_back(camera);
     }
     parallel_for_in_order(
         missing.size(), memory_.in_flight, [] { return false; },
-        [&](std::size_t i) { open_image(missing[i]); });
+        [&](std::size_t i) { open_images(missing[i]); });
   }
 
-  void open_image(int camera) {
+  bool share_a_frame(int camera, int other) const {
+    const std::vector<int>& of_take = instant_.camera_of_take;
+    return !of_take.empty() && of_take[camera] == of_take[other];
+  }
+
+  /// Loads the matching images of cameras that share a frame.
+  void open_images(const std::vector<int>& cameras) {
     std::int64_t decoded = 0;
+    const int first = cameras.front();
     const auto frame =
-        instant_.opaque_frames().fetch(camera, instant_.frame_of_camera[camera], {}, decoded);
+        instant_.opaque_frames().fetch(first, instant_.frame_of_camera[first], {}, decoded);
     pixels_decoded_ += decoded;
-    images_[camera] = MatchingImage(*frame, instant_.opaque_frames().scale(),
-                                    instant_.rig->cameras[camera], whole_[camera]);
+    for (const int camera : cameras) {
+      images_[camera] = MatchingImage(*frame, instant_.opaque_frames().scale(),
+                                      instant_.rig->cameras[camera], whole_[camera]);
+    }
   }
 
   std::vector<NeighbourView> neighbour_views(int camera, int count, Partners partners) const {

@@ -70,6 +70,12 @@ void match(const MatchRow& row) {
     const auto own = own_luma(d, *row.image, x, row.y);
     const auto own_known = hn::Gt(own, zero);
     const int n = std::min(lanes, width - x);
+    if (hn::AllFalse(d, own_known)) {  // nothing to compare: a fisheye's facets have many of these
+      std::fill_n(row.costs + static_cast<std::ptrdiff_t>(x) * row.stride,
+                  static_cast<std::ptrdiff_t>(n) * row.stride, matching::kUnknownCost);
+      std::fill_n(row.seen + x, n, std::uint8_t{0});
+      continue;
+    }
     auto most = zero;
     for (int plane = 0; plane < row.planes; ++plane) {
       const auto q = hn::Set(d, static_cast<float>(row.farthest + plane * row.step));

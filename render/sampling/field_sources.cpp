@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <functional>
 
 #include "base/parallel.h"
 #include "render/sampling/depth_planning.h"
@@ -44,13 +45,25 @@ FieldSources::FieldSources(const VirtualCamera& view, const LightFieldFrame& ins
 void FieldSources::decode(RenderStatistics& statistics) {
   std::atomic<std::int64_t> pixels = 0;
   std::atomic<int> cameras = 0;
-  raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-    Source& s = sources_[i];
-    if (!s.used || std::ranges::find(s.wanted, 1) == s.wanted.end()) return;
+  const std::vector<std::vector<std::size_t>> groups = sources_by_frame();
+  raystage::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t group) {
+    store::McuMask wanted;  // of all facets at once: a second fetch would decode the whole frame
+    for (const std::size_t i : groups[group]) {
+      const store::McuMask& more = sources_[i].wanted;
+      wanted.resize(std::max(wanted.size(), more.size()));
+      std::ranges::transform(more, wanted, wanted.begin(), std::bit_or<>());
+    }
+    if (std::ranges::find(wanted, 1) == wanted.end()) return;
+    const std::size_t first = groups[group].front();
     std::int64_t decoded = 0;
-    s.frame =
-        instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i], s.wanted, decoded);
-    s.source.camera.rgba = s.frame->rgba.get();
+    const auto frame = instant_.cache->fetch(static_cast<int>(first),
+                                             instant_.frame_of_camera[first], wanted, decoded);
+    for (const std::size_t i : groups[group]) {
+      Source& s = sources_[i];
+      if (std::ranges::find(s.wanted, 1) == s.wanted.end()) continue;
+      s.frame = frame;
+      s.source.camera.rgba = frame->rgba.get();
+    }
     pixels += decoded;
     ++cameras;
   });
@@ -61,17 +74,34 @@ void FieldSources::decode(RenderStatistics& statistics) {
 std::int64_t FieldSources::count_marked_pixels(
     const std::function<void(int camera, const DepthSource& source)>& mark) const {
   std::atomic<std::int64_t> count = 0;
-  raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-    const Source& s = sources_[i];
-    if (!s.frame) return;
-    std::vector<std::uint8_t> read(static_cast<std::size_t>(s.frame->width) * s.frame->height);
-    DepthSource marking = s.source;
-    marking.camera.wanted_mcus = nullptr;
-    marking.camera.read_pixels = read.data();
-    mark(static_cast<int>(i), marking);
+  const std::vector<std::vector<std::size_t>> groups = sources_by_frame();
+  raystage::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t group) {
+    std::vector<std::uint8_t> read;
+    for (const std::size_t i : groups[group]) {
+      const Source& s = sources_[i];
+      if (!s.frame) continue;
+      read.resize(static_cast<std::size_t>(s.frame->width) * s.frame->height);
+      DepthSource marking = s.source;
+      marking.camera.wanted_mcus = nullptr;
+      marking.camera.read_pixels = read.data();
+      mark(static_cast<int>(i), marking);
+    }
     count += std::count(read.begin(), read.end(), 1);
   });
   return count;
+}
+
+std::vector<std::vector<std::size_t>> FieldSources::sources_by_frame() const {
+  const std::vector<int>& of_take = instant_.camera_of_take;
+  std::vector<std::vector<std::size_t>> groups;
+  for (std::size_t i = 0; i < sources_.size(); ++i) {
+    if (!sources_[i].used) continue;
+    const bool is_facet =
+        !of_take.empty() && !groups.empty() && of_take[i] == of_take[groups.back().front()];
+    if (!is_facet) groups.emplace_back();
+    groups.back().push_back(i);
+  }
+  return groups;
 }
 
 const BlendingField::TileCamera* find_camera(const BlendingField::Tile& tile, int camera) {

@@ -40,6 +40,9 @@ class FieldSources {
       const std::function<void(int camera, const DepthSource& source)>& mark) const;
 
  private:
+  /// Returns the cameras that are used, the facets of a fisheye, which share its frame, together.
+  std::vector<std::vector<std::size_t>> sources_by_frame() const;
+
   const LightFieldFrame& instant_;
   std::vector<Source> sources_;
 };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plan (from above) and elevation (from the right): cameras of the array, the range of motion of the
-// view, the virtual camera with its field of view and focal plane, and its path.
-import { ahead, fieldOfView, focusDistance, right, up } from "./camera.js";
+// Plan (from above) and elevation (from the right): cameras of the array, fisheyes with their axes and half angles, the
+// range of motion of the view, the virtual camera with its field of view and focal plane, and its path.
+import { add, ahead, fieldOfView, focusDistance, right, scale, up } from "./camera.js";
 
 /** `axes`: for each of plan and elevation, the world's axes to the right and up on the map. */
 const kPanels = [
@@ -37,6 +37,19 @@ function addSilhouette(context, { vertices, triangles }, at) {
     context.lineTo(...b);
     context.lineTo(...c);
     context.closePath();
+  }
+}
+
+/** Adds the axis of a fisheye to the path, `length` metres long, and the ends of rays as long at its half angle. */
+function addFisheye(context, fisheye, length, at) {
+  const axes = [ahead(fisheye), right(fisheye), up(fisheye)];
+  const end = (...parts) => at(parts.reduce((place, part, i) => add(place, scale(axes[i], length * part)), fisheye.position));
+  context.moveTo(...at(fisheye.position));
+  context.lineTo(...end(1, 0, 0));
+  const kSides = 24, along = Math.cos(fisheye.half_angle), across = Math.sin(fisheye.half_angle);
+  for (let i = 0; i <= kSides; ++i) {
+    const turn = 2 * Math.PI * i / kSides, rim = end(along, across * Math.cos(turn), across * Math.sin(turn));
+    i ? context.lineTo(...rim) : context.moveTo(...rim);
   }
 }
 
@@ -93,6 +106,11 @@ export function drawMap(canvas, arrayCameras, camera, path, ranges) {
       context.strokeStyle = "#3fae9a90";
       context.stroke();
     }
+    context.strokeStyle = "#6ea3dc90";
+    context.beginPath();
+    const kFisheyePixels = 12;
+    for (const one of arrayCameras.filter((c) => c.half_angle)) addFisheye(context, one, kFisheyePixels / perMetre, at);
+    context.stroke();
     context.fillStyle = "#6ea3dc";
     for (const { position } of arrayCameras) {
       const [x, y] = at(position);

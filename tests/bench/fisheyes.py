@@ -7,7 +7,8 @@
 pinholes at its place, five of 95 degrees or one of 120, which see the same with as many pixels per degree in the mean. Both see the built-in set, which
 is a room, and are compared at the same views within the array. Prints PSNR and the pixels decoded for each that is needed, per method.
 
-usage: RAYSTAGE_BIN_DIR=build/release/bin fisheyes.py [--rigs sphere dome] [--methods METHOD...] [--width PIXELS] [--out FOLDER]
+usage: RAYSTAGE_BIN_DIR=build/release/bin fisheyes.py [--rigs sphere dome] [--methods METHOD...] [--width PIXELS]
+           [--view-width PIXELS] [--out FOLDER]
 """
 
 import argparse
@@ -85,14 +86,14 @@ def sphere(base):
     return json.loads(file.read_text())
 
 
-def measured(take, rig, width, method, views):
+def measured(take, rig, width, view_width, method, views):
     """Simulates a take by a rig and returns the means of an evaluation at the views of a take."""
     if not take.exists():
         file = take.with_suffix(".json")
         file.write_text(json.dumps(rig))
         run("simulate", "still", "-q", "-o", take, "--rig", file, "--width", width, "--mounting-mm", 0, "--mounting-deg", 0,
-            "--lens-deviation", 0, "--seconds", 0.34, "--startup-loss-seconds", 0, "--drop", 0, "--truth-width", 240,
-            "--truth-height", 180)
+            "--lens-deviation", 0, "--seconds", 0.34, "--startup-loss-seconds", 0, "--drop", 0, "--truth-width",
+            view_width, "--truth-height", view_width * 3 // 4)
         run("sync", take)
     still = views / "still.json"
     document = json.loads((views / "views.json").read_text())
@@ -105,11 +106,17 @@ def measured(take, rig, width, method, views):
     return json.loads(result.read_text())["mean"]
 
 
+def as_text(value, scale=1, places=2):
+    """Returns a measured number; evaluations have none where no pixel can be compared, or where a method counts none."""
+    return "-" if value is None else f"{scale * value:.{places}f}"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rigs", nargs="+", default=["sphere", "dome"], choices=["sphere", "dome"])
     parser.add_argument("--methods", nargs="+", default=["plane_sweep", "depth"])
     parser.add_argument("--width", type=int, default=672, help="of the fisheyes' pictures, pixels")
+    parser.add_argument("--view-width", type=int, default=240, help="of the views, pixels; they are 4:3")
     parser.add_argument("--out", type=pathlib.Path, help="folder that keeps the takes and views")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
@@ -124,9 +131,9 @@ def main():
                       (f"{name}, pinholes", pinholes, round(pinholes["cameras"][0]["width"] * scale))]
             for label, rig, width in arrays:
                 for method in arguments.methods:
-                    mean = measured(base / label.replace(", ", "_"), rig, width, method, base / name)
-                    print(f"| {label} | {len(rig['cameras'])} | {method} | {mean['psnr_db']:.2f} | {100 * mean['covered']:.1f} | "
-                          f"{mean['decoded_per_needed']:.2f} |", flush=True)
+                    mean = measured(base / label.replace(", ", "_"), rig, width, arguments.view_width, method, base / name)
+                    print(f"| {label} | {len(rig['cameras'])} | {method} | {as_text(mean['psnr_db'])} | "
+                          f"{as_text(mean['covered'], 100, 1)} | {as_text(mean['decoded_per_needed'])} |", flush=True)
 
 
 if __name__ == "__main__":

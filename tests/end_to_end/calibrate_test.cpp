@@ -156,6 +156,45 @@ TEST(Calibrate, ABoardTellsTheModelOfAFisheye) {
   EXPECT_EQ(run(geometry + " --lens-model pinhole --fov-deg 170").exit_code, 2);
 }
 
+/// Returns the names of the models that a report of several calls best, or as good.
+std::vector<std::string> likely_models(const nlohmann::json& report) {
+  std::vector<std::string> names;
+  for (const auto& model : report.at("models")) {
+    const std::string rank = model.value("rank", "does not fit");
+    if (rank == "best" || rank == "not distinguishable") names.push_back(model.at("projection"));
+  }
+  return names;
+}
+
+TEST(Calibrate, ALightTellsTheModelOfAnArrayOfFisheyes) {
+  const testing::TestFolder folder;
+  const std::string take = (folder.path() / "light").string();
+  ASSERT_EQ(run("raystage simulate moving_light_around -o " + take +
+                " --lens equisolid --fov-deg 200 --rows 2 --columns 3 --width 400 --height 400 "
+                "--seconds 20 --fps 10 --mounting-deg 8 --mounting-mm 5 --lens-deviation 0 "
+                "--truth-views 0 --startup-loss-seconds 0 --calibration nominal -q")
+                .exit_code,
+            0);
+  const std::string rig = (folder.path() / "rig.json").string();
+  // The light does not reach the corners of the pictures, at 141 degrees.
+  const CommandResult found =
+      run("raystage calibrate geometry " + take + " -o " + rig +
+          " --spacing-mm 60 -q --lens-model auto --half-angle-deg 114 --json");
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  const auto report = nlohmann::json::parse(found.out);
+  EXPECT_LE(report.at("rms_px").get<double>(), 0.3);
+  // OpenCV's fisheye has as many terms as a polynomial needs to pass for any model.
+  EXPECT_THAT(likely_models(report), ::testing::Contains("equisolid"));
+  EXPECT_THAT(likely_models(report), ::testing::IsSubsetOf({"equisolid", "fisheye"}));
+  const auto compared = nlohmann::json::parse(
+      run("raystage calibrate compare --json " + write_true_rig(take) + " " + rig).out);
+  ASSERT_EQ(compared.at("cameras").size(), 6U);
+  for (const auto& camera : compared.at("cameras")) {
+    EXPECT_LE(camera.at("position_m").get<double>(), 2e-3) << camera;
+    EXPECT_LE(camera.at("rotation_deg").get<double>(), 0.1) << camera;
+  }
+}
+
 TEST(Calibrate, WritesNothingThatCannotBeReliedUpon) {
   const testing::TestFolder folder;
   const std::string take = (folder.path() / "light").string();

@@ -63,12 +63,13 @@ class PageTest(unittest.TestCase):
     """Tests with one take, one viewer and one browser for the class."""
 
     SIZE = (1280, 720)
+    TAKE = ()  # options of the take's simulation
 
     @classmethod
     def setUpClass(cls) -> None:
         cls.folder = tempfile.TemporaryDirectory(prefix="raystage-replay-")
         cls.root = pathlib.Path(cls.folder.name)
-        simulate(cls.root / "take")
+        simulate(cls.root / "take", *cls.TAKE)
         cls.viewer = Viewer(cls.root / "take")
         cls.browser = start_browser(*cls.SIZE)
 

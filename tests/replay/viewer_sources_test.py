@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests the viewer's page in Chromium: source frames, comparisons, stereo, notes, recovery, folders and recordings."""
 import json
+import math
 import pathlib
 import shutil
 import struct
@@ -72,6 +73,31 @@ class Cameras(PageTest):
         ActionChains(self.browser).move_to_element_with_offset(self.element("picture"), 5, 5).perform()
         self.wait_for("return document.getElementById('readout').textContent.includes('cameras ')")
         self.assertIn("r1c1", self.element("readout").text)
+
+
+class Fisheyes(PageTest):
+    """An array of fisheyes."""
+
+    TAKE = ("--lens", "ftheta", "--fov-deg", "180")
+
+    def blue(self) -> int:
+        """Returns how many pixels of the map show cameras."""
+        return self.js("""return new Promise(requestAnimationFrame).then(() => new Promise(requestAnimationFrame)).then(() => {
+          const c = document.getElementById('map'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+          let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i + 2] > d[i] + 30 && d[i + 2] > d[i + 1] + 15; return n })""")
+
+    def test_the_map_draws_their_axes_and_half_angles(self) -> None:
+        self.refined()
+        cameras = self.js("return raystage.state.shot.layers[0].cameras")
+        self.assertEqual(len(cameras), 9)
+        for camera in cameras:  # 160 pixels show 180 degrees; the corners, 1.25 times as far away, more
+            self.assertAlmostEqual(camera["half_angle"], 1.25 * math.pi / 2, delta=0.1)
+        drawn = self.blue()
+        self.screenshot("fisheyes")
+        self.js("""for (const camera of raystage.state.shot.layers[0].cameras) delete camera.half_angle;
+          raystage.setCamera({ ...raystage.camera() })""")
+        self.refined()
+        self.assertGreater(drawn, 1.5 * self.blue(), "more than dots")
 
 
 class Comparing(PageTest):

@@ -12,6 +12,7 @@
 
 #include "base/atomic_file.h"
 #include "base/half_float.h"
+#include "exports/source_frames.h"
 #include "images/exr_reader.h"
 #include "render/renderer.h"
 #include "schemas/views_document.h"
@@ -121,6 +122,12 @@ TEST_F(DeepTakeCommand, InfoVerifyPackAndRepairTreatThem) {
   const CommandResult packed =
       run_raystage("pack -q " + quoted("take") + " -o " + quoted("packed"));
   ASSERT_EQ(packed.exit_code, 0) << packed.output;
+  EXPECT_THAT(packed.output, HasSubstr("stay as they are: pictures of more than 8 bits are JPEG"));
+  EXPECT_THAT(packed.output, ::testing::Not(HasSubstr("MB/s"))) << "nothing was compressed";
+  const CommandResult unpacked =
+      run_raystage("unpack -q " + quoted("packed") + " -o " + quoted("unpacked"));
+  EXPECT_EQ(unpacked.exit_code, 2);
+  EXPECT_THAT(unpacked.output, HasSubstr("JPEG XL pictures of more than 8 bits, as they were"));
   const store::Take take(path("take"));
   const std::string archive = take.document().cameras[4].archive;
   EXPECT_EQ(read_file(path("packed") / archive), read_file(path("take") / archive));
@@ -134,6 +141,51 @@ TEST_F(DeepTakeCommand, InfoVerifyPackAndRepairTreatThem) {
       run_raystage("repair -q " + quoted("packed") + " --from " + quoted("take"));
   EXPECT_EQ(repaired.exit_code, 0) << repaired.output;
   EXPECT_EQ(read_file(path("packed") / archive), read_file(path("take") / archive));
+}
+
+TEST_F(DeepTakeCommand, EvaluationComparesLightAboveWhite) {
+  const auto errors_of = [&](const std::string& name, const std::string& options) {
+    const CommandResult evaluated =
+        run_raystage("evaluate " + quoted(name) + " " + options + " --method depth --json " +
+                     quoted(name + ".json"));
+    EXPECT_EQ(evaluated.exit_code, 0) << evaluated.output;
+    EXPECT_THAT(evaluated.output, HasSubstr("linear light, not clipped at white"));
+    return nlohmann::json::parse(read_file(path(name + ".json")))["mean"]["light"];
+  };
+  const auto deep = errors_of("take", quoted("take/views.json"));
+  const auto clipped = errors_of("jpeg", quoted("jpeg/views.json"));
+  EXPECT_GT(deep["highlight_share"], 0.0005);
+  EXPECT_LT(deep["highlight_rms_stops"].get<double>() + 1,
+            clipped["highlight_rms_stops"].get<double>());
+  EXPECT_GT(deep["pu_psnr_db"].get<double>(), clipped["pu_psnr_db"].get<double>() + 1);
+  // A camera's own frames are a truth, too.
+  EXPECT_GT(errors_of("take", "--exclude-cameras r1c1 --view-step 10")["highlight_share"], 0.0005);
+}
+
+TEST_F(DeepTakeCommand, RetimedTakesKeepTheirBits) {
+  for (const std::string method : {"nearest", "blend", "flow"}) {
+    SCOPED_TRACE(method);
+    const CommandResult retimed =
+        run_raystage("sync -q --retime " + method + " " + quoted("take") + " -o " + quoted(method));
+    ASSERT_EQ(retimed.exit_code, 0) << retimed.output;
+    EXPECT_EQ(run_raystage("verify --decode -q " + quoted(method)).exit_code, 0);
+    const store::Take take(path(method)), source(path("take"));
+    EXPECT_EQ(take.document().cameras[0].pixels, source.document().cameras[0].pixels);
+    // The lamps keep their light. Nothing moves: interpolated frames are those of the source, but
+    // for the rounding to 65536 levels.
+    const store::DeepPicture picture = take.archive(4).picture(1);
+    const store::DeepPicture original = source.archive(4).picture(1);
+    ASSERT_EQ(picture.samples.size(), original.samples.size());
+    double brightest = 0, largest = 0;
+    for (std::size_t i = 0; i < picture.samples.size(); ++i) {
+      const double light = float_from_half(picture.samples[i]);
+      const double wanted = float_from_half(original.samples[i]);
+      brightest = std::max(brightest, light);
+      largest = std::max(largest, std::abs(light - wanted) / (wanted + 0.001));
+    }
+    EXPECT_GT(brightest, 32);
+    EXPECT_LT(largest, method == "flow" ? 0.05 : 0.004);
+  }
 }
 
 TEST_F(DeepTakeCommand, ExportedEXRsHoldTheSamplesExactly) {
@@ -157,6 +209,39 @@ TEST_F(DeepTakeCommand, ExportedEXRsHoldTheSamplesExactly) {
     ++compared;
   }
   EXPECT_GT(compared, 0);
+}
+
+TEST_F(DeepTakeCommand, ExportsOf8BitsSayThatTheyClip) {
+  const std::string clipped = "more than 8 bits were written with 8 bits, clipped at white";
+  for (const std::string kind : {"images --format jpeg", "images --format png", "multiview"}) {
+    const std::string output = kind == "multiview" ? "all.mkv" : kind.substr(kind.size() - 3);
+    const CommandResult exported =
+        run_raystage("export " + kind + " " + quoted("take") + " -o " + quoted(output) + " -q");
+    EXPECT_EQ(exported.exit_code, 0) << exported.output;
+    EXPECT_THAT(exported.output, HasSubstr(clipped)) << kind;
+  }
+  const CommandResult light = run_raystage("export images --format exr " + quoted("take") + " -o " +
+                                           quoted("light") + " -q");
+  EXPECT_THAT(light.output, ::testing::Not(HasSubstr(clipped)));
+  const CommandResult jpeg = run_raystage("export images --format jpeg " + quoted("jpeg") + " -o " +
+                                          quoted("plain") + " -q");
+  EXPECT_THAT(jpeg.output, ::testing::Not(HasSubstr(clipped)));
+}
+
+TEST_F(DeepTakeCommand, ExportsDecodeAFrameOnce) {
+  const store::Take take(path("take"));
+  exports::FrameChoiceOptions options;
+  options.cameras = {take.document().cameras[0].id};
+  const exports::FrameChoice choice = exports::choose_frames(take, options);
+  using exports::SourceFrames;
+  SourceFrames pictures(take, choice.cameras[0], exports::AbsentFrames::kGap,
+                        SourceFrames::DeepFrames::kPictures);
+  const auto ready = pictures.next();
+  ASSERT_TRUE(ready.has_value());
+  ASSERT_NE(ready->deep, nullptr);
+  EXPECT_EQ(*ready->deep, take.archive(0).picture(0));
+  EXPECT_TRUE(ready->jpeg.empty()) << "no JPEG is made that none needs";
+  EXPECT_EQ(take.unpacked_frames().bytes_held(), 0U);
 }
 
 /// As docs/formats/archive.md describes it.

@@ -111,12 +111,19 @@ exports::FrameChoiceOptions frame_choice(const ExportOptions& options) {
 
 void print_report(const exports::ExportReport& report, const std::string& output,
                   const std::string& what) {
-  int absent = 0, held = 0;
+  int absent = 0, held = 0, clipped = 0;
   for (const exports::ExportReport::Camera& camera : report.cameras) {
     absent += camera.absent;
     held += camera.held;
+    clipped += camera.clipped;
   }
   for (const std::string& note : report.notes) print_error("note: {}\n", note);
+  if (clipped > 0) {
+    print_error(
+        "note: {} frames of more than 8 bits were written with 8 bits, clipped at white; `raystage "
+        "export images --format exr` keeps their light\n",
+        clipped);
+  }
   if (absent > 0) {
     std::string list;
     int listed = 0;

@@ -48,9 +48,10 @@ void print_text(const PackCommandOptions& options, const store::PackReport& repo
             saved_percent(least), least.id, saved_percent(most), most.id);
     }
     for (const auto& [why, count] : total.refusals) {
-      print("Refused    {} frames stay JPEG: {}\n", count, why);
+      print("Refused    {} frames stay as they are: {}\n", count, why);
     }
   }
+  if (report.thread_seconds == 0) return;  // no frame was JPEG
   print("Speed      {:.1f} s, {:.1f} MB/s of JPEG per thread\n", report.seconds,
         megabytes_per_second(report, total, unpack));
 }

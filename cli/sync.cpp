@@ -250,7 +250,9 @@ void add_retime_options(CommandLine& command, Options& options) {
           "Stored frames that are not as recorded (XXH3): error = no new take is written; absent "
           "= the frame counts as missing, and the exit code is 4 (default: absent)")
       .needs("--output");
-  command.option("--quality", options.quality, "JPEG quality of interpolated frames, 1-100")
+  command
+      .option("--quality", options.quality,
+              "JPEG quality of interpolated frames, 1-100; those of more than 8 bits have no loss")
       .show_default()
       .limits(1, 100)
       .needs("--output");

@@ -105,6 +105,11 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
     if (view.regions) regions.push_back(*view.regions);
   }
   if (!regions.empty()) mean.regions = mean_region_errors(regions);
+  std::vector<LightErrors> lights;
+  for (const ViewEvaluation& view : views) {
+    if (view.light) lights.push_back(*view.light);
+  }
+  if (!lights.empty()) mean.light = mean_light_errors(lights);
   mean.quality.psnr_db /= covering;  // NaN if no view has covered pixels
   mean.quality.ssim /= covering;
   mean.decoded_per_needed /= counted;
@@ -385,6 +390,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
       result.regions = region_errors({image, truth->image, covered, view.z, view.edges},
                                      known->depths, known->regions, truth->surfaces);
     }
+    if (!truth->light.empty()) result.light = light_errors(view, truth->light, covered);
     shot_errors.add(subject.id, image, truth->image, covered,
                     known ? std::span<const std::uint8_t>(known->regions.edge_band)
                           : std::span<const std::uint8_t>());

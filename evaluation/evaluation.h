@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/light_errors.h"
 #include "evaluation/region_errors.h"
 #include "evaluation/shot_errors.h"
 #include "render/common/image_quality.h"
@@ -74,6 +75,7 @@ struct ViewEvaluation {
   /// Source pixels entropy-decoded per distinct pixel sampled; NaN if none was sampled.
   double decoded_per_needed = std::numeric_limits<double>::quiet_NaN();
   std::optional<RegionErrors> regions = {};  ///< if the true depths are known
+  std::optional<LightErrors> light = {};     ///< if the true linear light is known
 };
 
 /// The variation of finite PSNR over the views in their order.

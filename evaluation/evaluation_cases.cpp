@@ -6,10 +6,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <utility>
+
 #include "base/error.h"
 #include "images/exr_reader.h"
 #include "images/image_reader.h"
 #include "store/exact_frames.h"
+#include "store/processing/frames/blend_space.h"
 #include "store/processing/frames/corrected_frame.h"
 
 namespace raystage::evaluation {
@@ -66,6 +70,42 @@ store::RgbImage codes_of(const store::Take& take, const rig::Rig::Camera& of, in
   return image;
 }
 
+/// Returns the linear light of a camera's frame, likewise calibrated, R, G, B per pixel; empty if
+/// the camera has 8 bits.
+std::vector<float> light_of(const store::Take& take, const rig::Rig::Camera& of, int camera,
+                            int frame) {
+  const auto& pixels = take.document().cameras[static_cast<std::size_t>(camera)].pixels;
+  if (!pixels) return {};
+  const rig::PictureSize size{of.model.width(), of.model.height()};
+  const store::CodeScale scale{
+      store::BlendSpace::kHighRange,
+      std::max(1.0, store::max_linear_light(of.photometric, size, *pixels))};
+  const store::CorrectedFrame picture =
+      store::decode_corrected_frame(take, camera, frame, size, of.photometric, scale);
+  std::vector<float> light;
+  light.reserve(picture.values.size() / 4 * 3);
+  for (std::size_t i = 0; i < picture.values.size(); ++i) {
+    if (i % 4 == 3) continue;
+    light.push_back(static_cast<float>(
+        scale.full_scale * store::part_from_value(scale.space, picture.values[i] / 65535.0)));
+  }
+  return light;
+}
+
+/// Reads the true linear light of a view.
+void read_light(const std::filesystem::path& file, GroundTruth& truth) {
+  constexpr images::ExrChannel kChannels[]{{"R"}, {"G"}, {"B"}};
+  images::ExrChannelData data =
+      images::read_exr_channels(file, kChannels, "Give the linear light as channels R, G and B");
+  if (data.width != truth.image.width || data.height != truth.image.height) {
+    throw Error::bad_input(
+        fmt::format("found {}x{} pixels, allowed: {}x{} as the truth image", data.width,
+                    data.height, truth.image.width, truth.image.height),
+        file.string(), "Give the light of the view");
+  }
+  truth.light = std::move(data.values);
+}
+
 /// Reads the true depths and surfaces of a view's pixels.
 void read_depths(const std::filesystem::path& file, GroundTruth& truth) {
   constexpr float kAbsent = -1;
@@ -109,8 +149,11 @@ void add_camera(int camera, const store::Take& take, const store::Timeline* time
     const int frame = frames.frame[camera];
     const auto truth = [&take, &excluded, camera, frame, pinhole] {
       store::RgbImage image = codes_of(take, excluded, camera, frame);
-      if (!excluded.model.has_distortion()) return GroundTruth{std::move(image), {}};
-      return undistorted_ground_truth(image, excluded.model, pinhole);
+      std::vector<float> light = light_of(take, excluded, camera, frame);
+      if (excluded.model.has_distortion()) {
+        return undistorted_ground_truth(image, excluded.model, pinhole, light);
+      }
+      return GroundTruth{.image = std::move(image), .known = {}, .light = std::move(light)};
     };
     subjects.push_back({name, pinhole, std::move(frames), truth});
   }
@@ -140,11 +183,14 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
   for (const schemas::ViewsDocument::View& view : views.views) {
     subjects.push_back({view.geometry.id, render::virtual_camera_from_geometry(view.geometry),
                         instant_at(view.time_ns, take, timeline, options.exact_times),
-                        [reader, file = views_folder / view.file,
-                         depth_file = view.depth_file.empty() ? std::filesystem::path()
-                                                              : views_folder / view.depth_file] {
-                          GroundTruth truth{reader->read_rgb(file), {}};
-                          if (!depth_file.empty()) read_depths(depth_file, truth);
+                        [reader, view, views_folder] {
+                          GroundTruth truth{reader->read_rgb(views_folder / view.file), {}};
+                          if (!view.depth_file.empty()) {
+                            read_depths(views_folder / view.depth_file, truth);
+                          }
+                          if (!view.light_file.empty()) {
+                            read_light(views_folder / view.light_file, truth);
+                          }
                           return truth;
                         }});
   }

@@ -26,6 +26,12 @@ nlohmann::ordered_json as_json(const RegionErrors& errors) {
           {"edge_alpha_gradient", json_number(errors.edge_alpha_gradient)}};
 }
 
+nlohmann::ordered_json as_json(const LightErrors& errors) {
+  return {{"pu_psnr_db", json_number(errors.pu_psnr_db)},
+          {"highlight_share", json_number(errors.highlight_share)},
+          {"highlight_rms_stops", json_number(errors.highlight_rms_stops)}};
+}
+
 nlohmann::ordered_json as_json(const ViewEvaluation& view) {
   nlohmann::ordered_json json{{"id", view.id},
                               {"psnr_db", json_number(view.quality.psnr_db)},
@@ -36,6 +42,7 @@ nlohmann::ordered_json as_json(const ViewEvaluation& view) {
                               {"working_mb", view.working_mb},
                               {"decoded_per_needed", json_number(view.decoded_per_needed)}};
   if (view.regions) json["regions"] = as_json(*view.regions);
+  if (view.light) json["light"] = as_json(*view.light);
   return json;
 }
 
@@ -90,6 +97,14 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
   };
   for (const ViewEvaluation& view : evaluation.views) add(view);
   add(evaluation.mean);
+  if (const auto& light = evaluation.mean.light) {
+    text += fmt::format("linear light, not clipped at white: {:.2f} dB (PU21)", light->pu_psnr_db);
+    if (std::isfinite(light->highlight_rms_stops)) {
+      text += fmt::format("; above white ({:.2f} % of the pixels): {:.2f} stops RMS",
+                          100 * light->highlight_share, light->highlight_rms_stops);
+    }
+    text += '\n';
+  }
   if (const auto& regions = evaluation.mean.regions) {
     text += fmt::format(
         "edges of depth (8 px): {:.2f} dB, MS-SSIM {:.4f}; thin structures: {:.2f} dB, MS-SSIM "

@@ -37,14 +37,34 @@ void sample(const store::RgbImage& frame, const Eigen::Vector2d& at, std::uint8_
   }
 }
 
+/// Interpolates the light of a frame bilinearly.
+void sample_light(std::span<const float> light, int width, int height, const Eigen::Vector2d& at,
+                  float* rgb) {
+  const double x = std::clamp(at.x() - 0.5, 0.0, width - 1.0);
+  const double y = std::clamp(at.y() - 0.5, 0.0, height - 1.0);
+  const auto left = static_cast<std::size_t>(x), top = static_cast<std::size_t>(y);
+  const std::size_t right = std::min<std::size_t>(left + 1, width - 1);
+  const std::size_t below = std::min<std::size_t>(top + 1, height - 1);
+  const double u = x - static_cast<double>(left), v = y - static_cast<double>(top);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto of = [&](std::size_t column, std::size_t row) {
+      return double{light[3 * (row * static_cast<std::size_t>(width) + column) + c]};
+    };
+    rgb[c] = static_cast<float>(std::lerp(std::lerp(of(left, top), of(right, top), u),
+                                          std::lerp(of(left, below), of(right, below), u), v));
+  }
+}
+
 }  // namespace
 
 GroundTruth undistorted_ground_truth(const store::RgbImage& frame, const rig::CameraModel& model,
-                                     const render::VirtualCamera& pinhole) {
+                                     const render::VirtualCamera& pinhole,
+                                     std::span<const float> light) {
   const auto width = static_cast<std::size_t>(pinhole.width);
   const std::size_t pixels = width * pinhole.height;
   GroundTruth truth{{pinhole.width, pinhole.height}, {}};
   truth.known.resize(pixels);
+  if (!light.empty()) truth.light.resize(3 * pixels);
   const schemas::Intrinsics& k = pinhole.intrinsics;
   raystage::parallel_for(0, pinhole.height, [&](int y) {
     for (int x = 0; x < pinhole.width; ++x) {
@@ -53,6 +73,8 @@ GroundTruth undistorted_ground_truth(const store::RgbImage& frame, const rig::Ca
       const std::size_t at = static_cast<std::size_t>(y) * width + x;
       truth.known[at] = 1;
       sample(frame, *pixel, &truth.image.values[3 * at]);
+      if (light.empty()) continue;
+      sample_light(light, frame.width, frame.height, *pixel, &truth.light[3 * at]);
     }
   });
   return truth;

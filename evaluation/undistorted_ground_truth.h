@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "evaluation/truth_regions.h"
@@ -18,11 +19,16 @@ struct GroundTruth {
   std::vector<float> z = {};
   /// The surfaces of each pixel; empty: unknown.
   std::vector<TrueSurfaces> surfaces = {};
+  /// Linear light of each pixel, R, G, B, white = 1, not clipped; empty: unknown.
+  std::vector<float> light = {};
 };
 
 /// Returns a camera's frame resampled without lens distortion (`pinhole`: its undistorted()), by
-/// cubic interpolation of codes (Catmull-Rom). Pixels outside the frame are unknown.
+/// cubic interpolation of codes (Catmull-Rom). Pixels outside the frame are unknown. `light`: of
+/// the frame, as GroundTruth::light, or empty; it is interpolated bilinearly, which makes no light
+/// brighter than its neighbours around highlights.
 GroundTruth undistorted_ground_truth(const store::RgbImage& frame, const rig::CameraModel& model,
-                                     const render::VirtualCamera& pinhole);
+                                     const render::VirtualCamera& pinhole,
+                                     std::span<const float> light = {});
 
 }  // namespace raystage::evaluation

@@ -50,7 +50,10 @@ ExportReport export_images(const store::Take& take, const ImageExportOptions& op
     parallel_for(std::size_t{0}, cameras, [&](std::size_t i, const ParallelLoop& loop) {
       const CameraFrames& camera = choice.cameras[i];
       const std::string& id = take.document().cameras[camera.camera].id;
-      SourceFrames source(take, camera, options.frames.absent);
+      SourceFrames source(take, camera, options.frames.absent,
+                          options.format->keeps_deep_pictures()
+                              ? SourceFrames::DeepFrames::kPictures
+                              : SourceFrames::DeepFrames::kJpeg);
       const std::unique_ptr<ImageEncoder> encoder =
           options.format->open(take, camera.camera, choice.fps, options.exr);
       create_folder(folder.working() / id);

@@ -163,13 +163,11 @@ Imf::Header FrameExrEncoder::header_of(const ChosenFrame& frame) const {
   return header;
 }
 
-std::vector<float> FrameExrEncoder::deep_pixels_of(const ChosenFrame& frame) const {
+std::vector<float> FrameExrEncoder::deep_pixels_of(const store::DeepPicture& picture) const {
   const auto [width, height] = size_of(take_, camera_);
   constexpr std::size_t kChannels = 4;
   std::vector<float> pixels(kChannels * static_cast<std::size_t>(width) *
                             static_cast<std::size_t>(height));
-  if (frame.source < 0) return pixels;  // black
-  const store::DeepPicture picture = take_.archive(camera_).picture(frame.source);
   if (light_of_sample_.empty()) {
     Image<std::uint16_t, 4> levels(width, height);
     correction_.convert(picture, levels.values);
@@ -185,10 +183,14 @@ std::vector<float> FrameExrEncoder::deep_pixels_of(const ChosenFrame& frame) con
 }
 
 std::vector<float> FrameExrEncoder::pixels_of(const SourceFrames::Ready& ready) {
-  if (take_.document().cameras[camera_].pixels) return deep_pixels_of(ready.frame);
+  if (ready.deep != nullptr) return deep_pixels_of(*ready.deep);
   const std::string& id = take_.document().cameras[camera_].id;
-  const store::JpegLayout layout = store::parse_jpeg_layout(ready.jpeg, id);
   const auto [width, height] = size_of(take_, camera_);
+  if (take_.document().cameras[camera_].pixels) {  // a black picture
+    return std::vector<float>(4 * static_cast<std::size_t>(width) *
+                              static_cast<std::size_t>(height));
+  }
+  const store::JpegLayout layout = store::parse_jpeg_layout(ready.jpeg, id);
   if (layout.width != width || layout.height != height) {
     throw Error::bad_input(
         fmt::format("camera \"{}\" has frames of {}x{} pixels, but {}x{} in its rig", id,

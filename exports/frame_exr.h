@@ -25,7 +25,7 @@ class FrameExrEncoder : public ImageEncoder {
   Imf::Header header_of(const ChosenFrame& frame) const;
   std::vector<float> pixels_of(const SourceFrames::Ready& ready);
   /// The same of a frame of more than 8 bits.
-  std::vector<float> deep_pixels_of(const ChosenFrame& frame) const;
+  std::vector<float> deep_pixels_of(const store::DeepPicture& picture) const;
 
   const store::Take& take_;
   int camera_;

@@ -47,6 +47,9 @@ class ImageFormat {
   }
   /// Returns the bytes that the files need, roughly. `source_bytes`: of the JPEG frames.
   virtual double estimated_bytes(double source_bytes, double pixels) const = 0;
+  /// Returns whether the encoder takes the pictures of frames of more than 8 bits (Ready::deep)
+  /// instead of JPEGs of them, which are clipped at white.
+  virtual bool keeps_deep_pictures() const { return false; }
   /// Returns the encoder of a camera. `fps`: of the sequence. Refers to the take.
   virtual std::unique_ptr<ImageEncoder> open(const store::Take& take, int camera, double fps,
                                              const ExrExportOptions& exr) const = 0;

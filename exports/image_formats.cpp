@@ -67,6 +67,7 @@ class ExrFormat : public ImageFormat {
   }
   std::string_view extension() const override { return ".exr"; }
   std::string color_space(const store::Take& /*take*/) const override { return "lin_rec709_scene"; }
+  bool keeps_deep_pictures() const override { return true; }
   double estimated_bytes(double /*source_bytes*/, double pixels) const override {
     constexpr double kBytesPerPixel = 4;  // of 6 without compression
     return kBytesPerPixel * pixels;

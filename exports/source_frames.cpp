@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "store/jpeg/encode.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::exports {
 namespace {
@@ -19,19 +20,41 @@ std::vector<std::byte> black_jpeg(const rig::CameraModel& model) {
 
 }  // namespace
 
-SourceFrames::SourceFrames(const store::Take& take, const CameraFrames& frames, AbsentFrames absent)
-    : take_(take), frames_(frames), absent_(absent) {
+SourceFrames::SourceFrames(const store::Take& take, const CameraFrames& frames, AbsentFrames absent,
+                           DeepFrames deep_frames)
+    : take_(take),
+      frames_(frames),
+      absent_(absent),
+      has_deep_pictures_(
+          deep_frames == DeepFrames::kPictures &&
+          take.document().cameras[static_cast<std::size_t>(frames.camera)].pixels.has_value()) {
   counts_.id = take.document().cameras[frames.camera].id;
   counts_.absent = frames.absent;
+}
+
+/// Reads a stored frame; returns false if it is rotten.
+bool SourceFrames::read(int source) {
+  const store::ArchiveReader& archive = take_.archive(frames_.camera);
+  if (has_deep_pictures_) {
+    try {
+      deep_ = archive.picture(source);
+      return true;
+    } catch (const store::RottenFrame&) {
+      return false;
+    }
+  }
+  const auto jpeg = archive.intact_jpeg(source);
+  if (!jpeg) return false;
+  bytes_.assign(jpeg->begin(), jpeg->end());
+  if (archive.pixel_encoding()) ++counts_.clipped;
+  return true;
 }
 
 /// Reads the bytes of a frame; returns false if there is none. Changes the frame where another one
 /// stands for it.
 bool SourceFrames::load(ChosenFrame& frame) {
   if (frame.source >= 0 && frame.source != loaded_) {
-    if (auto jpeg = take_.archive(frames_.camera).intact_jpeg(frame.source)) {
-      const std::span<const std::byte> bytes = *jpeg;
-      bytes_.assign(bytes.begin(), bytes.end());
+    if (read(frame.source)) {
       loaded_ = frame.source;
       loaded_ns_ = frame.source_ns;
       return true;
@@ -56,6 +79,8 @@ std::optional<SourceFrames::Ready> SourceFrames::next() {
     if (!load(frame)) continue;
     ++counts_.frames;
     if (frame.is_held) ++counts_.held;
+    const bool is_deep = has_deep_pictures_ && loaded_ >= 0;
+    if (is_deep) return Ready{{}, frame, &deep_};
     return Ready{bytes_, frame};
   }
   return std::nullopt;

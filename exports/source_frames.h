@@ -22,10 +22,14 @@ class SourceFrames {
  public:
   /// A frame that is ready to be written; valid until the next one is read.
   struct Ready {
-    std::span<const std::byte> jpeg;
+    std::span<const std::byte> jpeg;  ///< empty if `deep` is not null
     ChosenFrame frame;
+    const store::DeepPicture* deep = nullptr;
   };
-  SourceFrames(const store::Take& take, const CameraFrames& frames, AbsentFrames absent);
+  /// What is read of frames of more than 8 bits: a JPEG to look at, or their pictures.
+  enum class DeepFrames { kJpeg, kPictures };
+  SourceFrames(const store::Take& take, const CameraFrames& frames, AbsentFrames absent,
+               DeepFrames deep_frames = DeepFrames::kJpeg);
 
   /// Returns the next frame, or nullopt at the end.
   std::optional<Ready> next();
@@ -36,15 +40,18 @@ class SourceFrames {
   const ExportReport::Camera& counts() const { return counts_; }
 
  private:
+  bool read(int source);
   bool load(ChosenFrame& frame);
 
   const store::Take& take_;
   const CameraFrames& frames_;
   AbsentFrames absent_;
+  bool has_deep_pictures_;
   std::size_t position_ = 0;
   int loaded_ = -2;   ///< source of bytes_: -1 black, -2 none yet
   int decoded_ = -2;  ///< source of picture_
   std::vector<std::byte> bytes_;
+  store::DeepPicture deep_;  ///< instead of bytes_, if has_deep_pictures_
   Nanoseconds loaded_ns_ = 0;
   store::JpegDecoder decoder_;
   store::RgbImage picture_;

@@ -20,6 +20,7 @@ constexpr Fields kViews(required("color_space", &ViewsDocument::color_space),
                                  list_with_ids(Fields(kGeometryFields, kRemoveGridPosition,
                                                       optional("file", &View::file, kPath),
                                                       optional("depth", &View::depth_file, kPath),
+                                                      optional("light", &View::light_file, kPath),
                                                       defaulted("time_ns", &View::time_ns)))));
 
 }  // namespace

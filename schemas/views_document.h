@@ -19,6 +19,9 @@ struct ViewsDocument {
     Nanoseconds time_ns = 0;  ///< since the take's epoch
     /// EXR file of the true planar depths (Z, metres), relative likewise; may be empty.
     std::string depth_file = {};
+    /// EXR file of the true linear light (R, G, B, white = 1, not clipped), relative likewise; may
+    /// be empty.
+    std::string light_file = {};
   };
   std::string color_space;
   std::vector<View> views;

@@ -83,6 +83,7 @@ class Simulation {
   }
 
   SimulationReport run(const std::filesystem::path& folder, const std::string& created_by) {
+    require_frames();
     // Before rendering, so that an unwritable folder is reported at once.
     store::TakeWriter writer(folder, take_document(created_by),
                              options_.nominal_calibration ? array_.nominal : array_.truth);
@@ -111,6 +112,20 @@ class Simulation {
   }
 
  private:
+  // Throws if the take would have no frame.
+  void require_frames() const {
+    for (const ExposureSchedule::Camera& camera : schedule_.cameras) {
+      for (const ExposureSchedule::Frame& frame : camera.frames) {
+        if (frame.status == store::FrameStatus::kStored) return;
+      }
+    }
+    throw Error::bad_input(
+        fmt::format("the take would have no frame: the frames of the first {:g} s are lost at "
+                    "start-up, and the take has {:g} s",
+                    options_.startup_loss_s, options_.seconds),
+        options_.scene, "Make the take longer, or the loss at start-up shorter");
+  }
+
   // Throws if a stop is requested or another camera has failed.
   void check_stop(const ParallelLoop& loop) const {
     if (stop_.stop_requested() || loop.failed()) {
@@ -329,13 +344,13 @@ class Simulation {
                              planar_depths(worker.image, rays), folder / view.depth_file);
       if (path_.exposures[index].size() > 1) expose(path_.exposures[index], worker, loop);
       images::write_image(develop(worker.image), folder / view.file);
-      if (options_.hdr) {
+      if (!view.light_file.empty()) {
         std::vector<float> light;
         for (const Eigen::Vector3f& rgb : worker.image.light) {
           light.insert(light.end(), rgb.begin(), rgb.end());
         }
         images::write_channels(worker.image.width, worker.image.height, {"R", "G", "B"}, light,
-                               folder / ("truth/" + view.geometry.id + ".light.exr"));
+                               folder / view.light_file);
       }
       if (!spheres_.empty()) {
         images::write_depth_image(worker.image.width, worker.image.height,

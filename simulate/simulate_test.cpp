@@ -271,6 +271,19 @@ TEST(Simulate, LeavesNothingWhenStopped) {
   EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
+TEST(Simulate, RefusesTakesWithoutAFrame) {
+  const testing::TestFolder folder;
+  SimulationOptions options = small_options();
+  options.seconds = options.startup_loss_s = 0.5;
+  try {
+    simulate(options, folder.path() / "take", "test");
+    FAIL() << "all frames are lost at start-up";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("first 0.5 s are lost at start-up"));
+  }
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
 TEST(Simulate, DoesNotTouchWhatIsThere) {
   const testing::TestFolder folder;
   create_folder(folder.path() / "take");

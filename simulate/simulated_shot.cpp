@@ -97,6 +97,7 @@ schemas::ViewsDocument::View view_of(const SimulationOptions& s,
   view.geometry.world_from_camera = rig::matrix_from_pose(pose);
   view.file = "truth/" + view.geometry.id + ".png";
   view.depth_file = "truth/" + view.geometry.id + ".depth.exr";
+  if (s.hdr) view.light_file = "truth/" + view.geometry.id + ".light.exr";
   view.time_ns = time;
   return view;
 }

@@ -165,9 +165,11 @@ class ArchiveReader {
                 std::shared_ptr<UnpackedFrames> unpacked = nullptr);
   ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal);
   /// Represents the archive of a camera on another host. `records`: in order. `remote` supplies the
-  /// bytes of frames; if it is null, `records` must be empty.
+  /// bytes of frames; if it is null, `records` must be empty. `unpacked`: decodes pictures, as
+  /// above.
   ArchiveReader(const ArchiveWriter::Description& description, std::vector<FrameRecord> records,
-                std::shared_ptr<const RemoteFrames> remote);
+                std::shared_ptr<const RemoteFrames> remote,
+                std::shared_ptr<UnpackedFrames> unpacked = nullptr);
   ~ArchiveReader();
   ArchiveReader(ArchiveReader&&) noexcept;
   ArchiveReader& operator=(ArchiveReader&&) noexcept;
@@ -191,12 +193,11 @@ class ArchiveReader {
   FrameBytes jpeg(int frame) const;
   /// Returns the bytes as jpeg() does, or nullopt where jpeg() would throw RottenFrame.
   std::optional<FrameBytes> intact_jpeg(int frame) const;
-  /// Returns the bytes of frame i as they are stored: the JPEG, packed frame or picture. Throws as
-  /// jpeg().
+  /// Returns the bytes of frame i as they are stored: the JPEG, packed frame or picture; the JPEG
+  /// of a packed frame on another host. Throws as jpeg().
   FrameBytes stored(int frame) const;
   /// Returns frame i of an archive of pictures (FrameCodec::kPicture), all of whose samples are
-  /// finite. Decodes anew with each call. Throws as jpeg(), and Error (bad input) if the archive is
-  /// on another host.
+  /// finite. Decodes anew with each call. Throws as jpeg().
   DeepPicture picture(int frame) const;
   /// Returns the meaning of the samples of picture(); nullopt: frames are JPEG or it is not known.
   const std::optional<schemas::PixelEncoding>& pixel_encoding() const;

@@ -153,7 +153,7 @@ struct ArchiveReader::State {
   /// Returns a frame of an archive of pictures; none if its bytes are not the recorded ones or
   /// cannot be decoded.
   std::optional<DeepPicture> read_picture(int frame) const {
-    const std::optional<FrameBytes> stored = read_intact(frame);
+    const std::optional<FrameBytes> stored = remote ? remote->jpeg(frame) : read_intact(frame);
     if (!stored) return std::nullopt;
     try {
       const ArchiveWriter::Description& camera = index.description;
@@ -268,7 +268,8 @@ ArchiveReader::ArchiveReader(const ContainedPath& archive, const ContainedPath& 
 
 ArchiveReader::ArchiveReader(const ArchiveWriter::Description& description,
                              std::vector<FrameRecord> records,
-                             std::shared_ptr<const RemoteFrames> remote)
+                             std::shared_ptr<const RemoteFrames> remote,
+                             std::shared_ptr<UnpackedFrames> unpacked)
     : state_(std::make_unique<State>()) {
   assert(remote != nullptr || records.empty());
   state_->path = "camera " + description.camera_id;
@@ -278,6 +279,10 @@ ArchiveReader::ArchiveReader(const ArchiveWriter::Description& description,
                        [](const FrameRecord& r) { return r.status == FrameStatus::kStored; });
   state_->index.records = std::move(records);
   state_->index.closed = true;
+  state_->integrity =
+      std::make_unique<std::atomic<State::Integrity>[]>(state_->index.frames.size());
+  state_->unpacked = unpacked ? std::move(unpacked) : std::make_shared<UnpackedFrames>();
+  state_->number = state_->unpacked->new_archive();
 }
 
 ArchiveReader::~ArchiveReader() = default;
@@ -320,17 +325,12 @@ FrameBytes ArchiveReader::jpeg(int frame) const {
 }
 
 FrameBytes ArchiveReader::stored(int frame) const {
-  if (state_->remote) return jpeg(frame);
+  if (state_->remote) return state_->remote->jpeg(frame);
   if (std::optional<FrameBytes> bytes = state_->read_intact(frame)) return *std::move(bytes);
   throw rotten_frame(frame, description().camera_id, state_->path);
 }
 
 DeepPicture ArchiveReader::picture(int frame) const {
-  if (state_->remote) {
-    throw Error::bad_input("pictures of more than 8 bits are not sent between hosts",
-                           state_->path.string(),
-                           "Put the take in a folder that every host can read");
-  }
   if (std::optional<DeepPicture> picture = state_->read_picture(frame)) return *std::move(picture);
   throw rotten_frame(frame, description().camera_id, state_->path);
 }
@@ -344,7 +344,8 @@ void ArchiveReader::set_pixel_encoding(const schemas::PixelEncoding& encoding) {
 }
 
 std::optional<FrameBytes> ArchiveReader::intact_jpeg(int frame) const {
-  return state_->remote ? state_->remote->jpeg(frame) : state_->read_intact_jpeg(frame);
+  const bool is_jpeg_elsewhere = state_->remote && !state_->has_pictures();
+  return is_jpeg_elsewhere ? state_->remote->jpeg(frame) : state_->read_intact_jpeg(frame);
 }
 
 JpegLayout ArchiveReader::layout(int frame, std::string_view name) const {
@@ -374,14 +375,14 @@ void ArchiveReader::read_ahead(int frame) const {
 }
 
 bool ArchiveReader::is_rotten(int frame) const {
-  if (state_->remote) return !intact_jpeg(frame).has_value();
+  if (state_->remote) return state_->remote->jpeg(frame).size() == 0;
   const bool is_known = state_->integrity[frame] == State::Integrity::kIntact &&
                         !is_temporal(state_->index.description.codec);
   return !is_known && state_->is_rotten(frame);
 }
 
 bool ArchiveReader::verify_frame(int frame) const {
-  return state_->has_recorded_hash(frame, state_->remote ? jpeg(frame) : state_->read(frame));
+  return state_->has_recorded_hash(frame, state_->remote ? stored(frame) : state_->read(frame));
 }
 
 std::uint64_t ArchiveReader::jpeg_xxh3(int frame) const {

@@ -42,11 +42,11 @@ class FrameBytes {
 class RemoteFrames {
  public:
   virtual ~RemoteFrames() = default;
-  /// Returns all of an encoded frame.
+  /// Returns all of an encoded frame: its JPEG, or the file of a picture of more than 8 bits.
   virtual FrameBytes jpeg(int frame) const = 0;
-  /// Returns the structure of a frame, without its bytes.
+  /// Returns the structure of a JPEG, without its bytes.
   virtual JpegLayout layout(int frame) const = 0;
-  /// Returns a frame with only the bytes before the scan and the segments that hold `wanted` MCUs;
+  /// Returns a JPEG with only the bytes before the scan and the segments that hold `wanted` MCUs;
   /// all other bytes are 0. `layout`: of the frame.
   virtual FrameBytes jpeg_part(int frame, const JpegLayout& layout,
                                const McuMask& wanted) const = 0;

@@ -75,7 +75,10 @@ void Take::State::check_cameras() const {
 ArchiveReader Take::State::open(std::size_t camera) const {
   const auto& entry = document.cameras[camera];
   if (remote) {
-    if (auto elsewhere = remote->open(static_cast<int>(camera))) return std::move(*elsewhere);
+    if (auto elsewhere = remote->open(static_cast<int>(camera))) {
+      if (entry.pixels) elsewhere->set_pixel_encoding(*entry.pixels);
+      return std::move(*elsewhere);
+    }
   }
   ArchiveReader reader(ContainedPath{folder, entry.archive}, ContainedPath{folder, entry.journal},
                        buffers, unpacked);

@@ -324,8 +324,8 @@ MessageBytes encode(const TakeTable& table) {
   std::vector<std::span<const std::byte>> arrays;
   for (const TakeTable::Camera& camera : table.cameras) {
     const store::ArchiveWriter::Description& d = camera.description;
-    cameras.push_back(
-        {camera.is_local, d.camera_id, d.width, d.height, d.epoch_utc, camera.frames.size()});
+    cameras.push_back({camera.is_local, d.camera_id, d.width, d.height, d.epoch_utc,
+                       d.codec == store::FrameCodec::kPicture, camera.frames.size()});
     std::vector<std::byte>& bytes = records.emplace_back();
     for (const store::FrameRecord& record : camera.frames) {
       const auto encoded = store::journal::encode_record(record);
@@ -347,7 +347,10 @@ TakeTable decode_take_table(std::span<const std::byte> message) {
       camera.is_local = value_of<bool>(entry.at(0));
       camera.description = {value_of<std::string>(entry.at(1)), value_of<int>(entry.at(2)),
                             value_of<int>(entry.at(3)), value_of<Nanoseconds>(entry.at(4))};
-      const auto count = value_of<std::size_t>(entry.at(5));
+      // Frames of other forms come as JPEGs.
+      camera.description.codec =
+          value_of<bool>(entry.at(5)) ? store::FrameCodec::kPicture : store::FrameCodec::kJpeg;
+      const auto count = value_of<std::size_t>(entry.at(6));
       if (count > parts.rest.size() / store::journal::kRecordBytes) throw damaged();
       for (std::size_t i = 0; i < count; ++i) {
         const auto record = store::journal::decode_record(parts.take(store::journal::kRecordBytes),

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gives a rank access to all frames of a take: its own from archives, others by request to the
 // owner of the camera. Requests can be for a whole JPEG, for its layout, or for single segments
-// between restart markers, so that only the needed parts are sent. Cost: one message each way per
-// request.
+// between restart markers, so that only the needed parts are sent. Pictures of more than 8 bits are
+// sent whole, as they are stored, and decoded by the rank that asked. Cost: one message each way
+// per request.
 #include "farm/ranks/rank_takes.h"
 
 #include <fmt/format.h>
@@ -108,7 +109,7 @@ std::optional<store::ArchiveReader> RankArchives::open(int camera) const {
     return store::ArchiveReader(store::ArchiveWriter::Description(), {}, nullptr);
   TakeTable::Camera known = index < cameras_.size() ? cameras_[index] : TakeTable::Camera{};
   return store::ArchiveReader(known.description, std::move(known.frames),
-                              std::make_shared<const FetchedFrames>(*this, camera));
+                              std::make_shared<const FetchedFrames>(*this, camera), unpacked_);
 }
 
 bool RankArchives::is_missing(int camera) const {
@@ -151,7 +152,7 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
         const store::ArchiveReader& archive = take->archive(static_cast<int>(i));
         camera.description = archive.description();
         camera.frames.assign(archive.frames().begin(), archive.frames().end());
-        // Other ranks receive JPEGs, also of packed frames.
+        // Other ranks receive pictures as they are stored, other frames as JPEGs, also packed ones.
         for (std::size_t frame = 0; frame < camera.frames.size(); ++frame) {
           camera.frames[frame].xxh3 = archive.jpeg_xxh3(static_cast<int>(frame));
         }
@@ -222,7 +223,12 @@ FrameReply FrameService::answer(const FrameRequest& request) {
       static_cast<std::size_t>(request.frame) < take->archive(request.camera).frames().size();
   if (!is_known) throw Error::failed("the rank does not have the frame", where, "Render again");
   const store::ArchiveReader& archive = take->archive(request.camera);
-  const store::FrameBytes jpeg = archive.jpeg(request.frame);
+  const bool is_picture = archive.description().codec == store::FrameCodec::kPicture;
+  if (is_picture && request.kind != FrameRequest::Kind::kWhole) {
+    throw Error::failed("a part of a picture was requested, which has none", where, "Render again");
+  }
+  const store::FrameBytes jpeg =
+      is_picture ? archive.stored(request.frame) : archive.jpeg(request.frame);
   FrameReply reply;
   const auto append = [&](std::size_t begin, std::size_t end) {
     const auto part = jpeg.bytes().subspan(begin, end - begin);

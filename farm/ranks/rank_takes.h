@@ -48,6 +48,8 @@ class RankArchives : public store::RemoteArchives {
   std::vector<bool> is_local_;
   std::vector<int> camera_owners_;
   std::vector<TakeTable::Camera> cameras_;
+  /// Decodes the pictures of all cameras on other ranks.
+  std::shared_ptr<store::UnpackedFrames> unpacked_ = std::make_shared<store::UnpackedFrames>();
   mutable std::atomic<std::int64_t> requests_ = 0, bytes_ = 0;
 };
 

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads a take without Raystage: lists every frame, time and gap, and renders a picture of the focal plane.
 
-Follows docs/formats, which define all that it does. Needs numpy and the programs zstd (timelines), ffmpeg (pictures) and djxl
-(packed archives). Not supported in pictures: fisheyes, arrays that are a row or look outwards, flat fields, matrices, hot pixels.
+Follows docs/formats, which define all that it does. Needs numpy, zstd (timelines), ffmpeg (pictures) and djxl (JPEG XL). Not supported
+in pictures: fisheyes, arrays that are a row or look outwards, flat fields, matrices, hot pixels, PQ and HLG, primaries, video.
 """
 import argparse
 import json
@@ -21,6 +21,9 @@ SECRET = bytes.fromhex(
     "b8fe6c3923a44bbe7c01812cf721ad1cded46de9839097db7240a4a4b7b3671fcb79e64eccc0e578825ad07dccff7221b8084674f743248ee03590e6813a264c"
     "3c2852bb91c300cb88d0658b1b532ea371644897a20df94e3819ef46a9deacd8a8fa763fe39c343ff9dcbbc7c70b4f1d8a51e04bcdb45931c89f7ec9d9787364"
     "eac5ac8334d3ebc3c581a0fffa1363eb170ddd51b7f0da49d316552629d4689e2b16be587d47a1fc8ff8b8d17ad031ce45cb3a8f95160428afd7fbcabb4b407e")
+SRGB = (lambda light: np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0) ** (1 / 2.4) - 0.055),
+        lambda value: np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0) + 0.055) / 1.055) ** 2.4))
+POWER = (lambda light: light ** (1 / 2.4), lambda value: value**2.4)  # a scale on which light is blended: its value, and back
 
 
 def require(holds, what):
@@ -36,8 +39,7 @@ def xxh3(data):
     acc = np.array([0xC2B2AE3D, prime, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63, 0x85EBCA77, 0x27D4EB2F165667C5,
                     prime32], np.uint64)
     words = np.vstack([np.frombuffer(data, "<u8", 8 * count).reshape(-1, 8), np.frombuffer(data[-64:], "<u8")])
-    keys = np.array([np.frombuffer(SECRET, "<u8", 8, 8 * (i % 16) if i < count else 121) for i in range(count + 1)])
-    keyed = words ^ keys
+    keyed = words ^ np.array([np.frombuffer(SECRET, "<u8", 8, 8 * (i % 16) if i < count else 121) for i in range(count + 1)])
     sums = words[:, [1, 0, 3, 2, 5, 4, 7, 6]] + (keyed & np.uint64(2**32 - 1)) * (keyed >> np.uint64(32))
     for block in range((len(data) - 1) // 1024):
         acc = acc + sums[16 * block:16 * block + 16].sum(axis=0)
@@ -46,8 +48,7 @@ def xxh3(data):
     mixed, result = [int(a) ^ b for a, b in zip(acc, struct.unpack_from("<8Q", SECRET, 11))], len(data) * prime
     for product in (mixed[i] * mixed[i + 1] for i in range(0, 8, 2)):
         result = (result + ((product & mask) ^ (product >> 64))) & mask
-    result = ((result ^ (result >> 37)) * 0x165667919E3779F9) & mask
-    return result ^ (result >> 32)
+    return (result := ((result ^ (result >> 37)) * 0x165667919E3779F9) & mask) ^ (result >> 32)
 
 
 def crc24(data):
@@ -80,8 +81,7 @@ def read_matroska(data):
                 track = next((a, b) for n, a, b in elements(data, begin, stop) if n == 0xAE)
                 codec = next(data[a:b].decode() for n, a, b in elements(data, *track) if n == 0x86)
             elif name == 0x1F43B675:  # Cluster: Timestamp, SimpleBlock (track number, relative time, flags, frame)
-                size = len(parts[0xA3]) - 4
-                relative, = struct.unpack_from(">h", parts[0xA3], 1)
+                (relative,), size = struct.unpack_from(">h", parts[0xA3], 1), len(parts[0xA3]) - 4
                 blocks[stop - size] = size, (int.from_bytes(parts[0xE7], "big") + relative) * scale
     return codec, blocks
 
@@ -89,8 +89,7 @@ def read_matroska(data):
 def read_journal(data):
     """Yields time ns, offset, size, status, XXH3, arrival ns, sequence number of the records that pass their check."""
     require(struct.unpack_from("<8sII", data) == (b"RAYSJRNL", 2, 48), "not a journal of version 2")
-    for at in range(64, len(data) - 47, 48):
-        record = data[at:at + 48]
+    for at, record in ((at, data[at:at + 48]) for at in range(64, len(data) - 47, 48)):
         if crc24(record[:21] + bytes(3) + record[24:]) == int.from_bytes(record[21:24], "little"):
             time, offset, size, status, _, digest, arrival, sequence = struct.unpack("<qQIB3sQqQ", record)
             yield time, offset, size, status, digest, None if arrival == -2**63 else arrival, sequence
@@ -101,8 +100,8 @@ def read_journal(data):
 class Take:
     def __init__(self, folder):
         self.document, self.rig = (json.loads((folder / name).read_text()) for name in ("take.json", "rig.json"))
-        require(self.document["schema"] == "raystage/take/1" and self.rig["schema"] in ("raystage/rig/1", "raystage/rig/2"),
-                "not a take of version 1 with a rig of version 1 or 2")
+        require(all(document["schema"] in (f"raystage/{kind}/1", f"raystage/{kind}/2")
+                    for kind, document in (("take", self.document), ("rig", self.rig))), "not a take and a rig of version 1 or 2")
         self.bytes, self.cameras, self.timeline = [], [], None
         for camera in self.document["cameras"]:
             files = [folder / camera[name] for name in ("archive", "journal")]
@@ -113,14 +112,12 @@ class Take:
                 record = {"time_ns": time, "status": status, "reason": STATUS[status], "arrival_ns": arrival, "sequence": sequence}
                 if status in (0, 10):
                     is_intact = offset + size <= len(archive) and xxh3(archive[offset:offset + size]) in (digest, None)
-                    record.update(offset=offset, size=size, xxh3=f"{digest:016x}", intact=is_intact)
-                    record["is_block"] = blocks.pop(offset, None) == (size, time)
+                    is_block = blocks.pop(offset, None) == (size, time)
+                    record.update(offset=offset, size=size, xxh3=f"{digest:016x}", intact=is_intact, is_block=is_block)
                 (frames if status in (0, 10) else gaps).append(record)
-            # Blocks without a record: the journal is damaged or lost.
             frames += [{"time_ns": time, "offset": offset, "size": size, "intact": None} for offset, (size, time) in blocks.items()]
-            frames.sort(key=lambda frame: frame["time_ns"])
             self.bytes.append(archive)
-            self.cameras.append({"id": camera["id"], "codec": codec, "frames": frames, "gaps": gaps})
+            self.cameras.append({"id": camera["id"], "codec": codec, "frames": sorted(frames, key=lambda f: f["time_ns"]), "gaps": gaps})
         if (folder / "timeline.zst").exists():
             data = subprocess.run(["zstd", "-dcq", folder / "timeline.zst"], check=True, stdout=subprocess.PIPE).stdout
             magic, version, count, _, rate, _, ticks = struct.unpack_from("<8sIIQdqQ", data)
@@ -128,26 +125,36 @@ class Take:
             table = np.frombuffer(data, "<i4", count * ticks, 48 + 8 * ticks).reshape(count, ticks).tolist()
             self.timeline = {"rate_hz": rate, "ticks_ns": np.frombuffer(data, "<i8", ticks, 48).tolist(), "frames": table}
 
-    def jpeg(self, camera, index):
-        """Returns the JPEG of a stored frame, unpacked if it is packed."""
-        frame = self.cameras[camera]["frames"][index]
+    def frame(self, camera, index):
+        """Returns the file of a stored frame: a JPEG, unpacked if it is packed, or the JPEG XL of a frame of more than 8 bits."""
+        frame, codec = self.cameras[camera]["frames"][index], self.cameras[camera]["codec"]
         data = self.bytes[camera][frame["offset"]:frame["offset"] + frame["size"]]
-        if not data.startswith(bytes.fromhex("0000000c4a584c200d0a870a")):
-            return data if "JP" in self.cameras[camera]["codec"] else sys.exit("read_take.py: frames are video: ffmpeg reads them")
-        with tempfile.TemporaryDirectory() as folder:
-            pathlib.Path(folder, "packed.jxl").write_bytes(data)
-            subprocess.run(["djxl", "packed.jxl", "frame.jpg"], cwd=folder, check=True, stderr=subprocess.DEVNULL)
-            jpeg = pathlib.Path(folder, "frame.jpg").read_bytes()
+        require("JP" in codec, "frames are video: ffmpeg reads them")
+        if codec != "V_JPEGXL" or not data.startswith(bytes.fromhex("0000000c4a584c200d0a870a")):
+            return data
+        jpeg = decoded_by_djxl(data, "frame.jpg")
         require((xxh3(jpeg), len(jpeg)) == struct.unpack_from("<QI", data, 56), "a packed frame does not give its JPEG")
         return jpeg
 
+    def light(self, camera, index):
+        """Returns the linear light of a frame [height][width][3], 1 = white, before the camera's calibration."""
+        size, pixels = [self.rig["cameras"][camera][name] for name in ("height", "width")], self.document["cameras"][camera].get("pixels")
+        if pixels:
+            _, _, order, floats = decoded_by_djxl(self.frame(camera, index), "frame.pfm").split(b"\n", 3)  # rows from the bottom up
+            values = np.frombuffer(floats, "<f4" if order.startswith(b"-") else ">f4").reshape(*size, 3)[::-1]
+            return SRGB[1](values) if pixels["transfer"] == "srgb" else values
+        command = "ffmpeg -v error -f mjpeg -i pipe:0 -sws_flags bicubic+accurate_rnd+full_chroma_int -pix_fmt rgb24 -f rawvideo -"
+        decoded = subprocess.run(command.split(), input=self.frame(camera, index), check=True, stdout=subprocess.PIPE).stdout
+        codes = np.frombuffer(decoded, np.uint8).reshape(*size, 3) / 255
+        return SRGB[1](codes) if self.document["color_space"] == "srgb_texture" else codes
 
-def linear_from_srgb(code):
-    return np.where(code <= 0.04045, code / 12.92, ((np.maximum(code, 0) + 0.055) / 1.055) ** 2.4)
 
-
-def srgb_from_linear(light):
-    return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0) ** (1 / 2.4) - 0.055)
+def decoded_by_djxl(data, name):
+    """Returns the file that djxl makes of a JPEG XL file; the end of `name` says of which kind."""
+    with tempfile.TemporaryDirectory() as folder:
+        pathlib.Path(folder, "frame.jxl").write_bytes(data)
+        subprocess.run(["djxl", "frame.jxl", name], cwd=folder, check=True, stderr=subprocess.DEVNULL)
+        return pathlib.Path(folder, name).read_bytes()
 
 
 def bilinear(image, x, y):
@@ -175,9 +182,8 @@ def flip_edges(apex, points, is_wanted):
         changed = False
         for a, b in sorted(edge for edge in apex if edge[0] < edge[1]):
             left, right = apex.get((a, b)), apex.get((b, a))
-            if None in (left, right) or not is_wanted(a, b, left, right):
-                continue
-            if side(points[right], points[b], points[left]) > 0 and side(points[left], points[a], points[right]) > 0:
+            if None not in (left, right) and is_wanted(a, b, left, right) and min(
+                    side(points[right], points[b], points[left]), side(points[left], points[a], points[right])) > 0:
                 del apex[a, b], apex[b, a]
                 apex.update({(right, b): left, (b, left): right, (left, right): b, (left, a): right, (a, right): left, (right, left): a})
                 changed = True
@@ -204,8 +210,7 @@ def triangles_of_array(centres, axis, cells):
     line, across, normal = np.linalg.svd(scaled - scaled.mean(axis=0))[2]
     require(len(centres) > 2 and np.ptp(scaled @ across) >= 0.1 * np.diff(np.sort(scaled @ line)).min(), "rows are not supported")
     normal *= -np.sign(normal @ axis)
-    up = np.cross(normal, np.eye(3)[0 if abs(normal[0]) < 0.9 else 1])
-    up /= np.linalg.norm(up)
+    up = (up := np.cross(normal, np.eye(3)[0 if abs(normal[0]) < 0.9 else 1])) / np.linalg.norm(up)
     points = [tuple(round(float(axis @ p) * 2**26) for axis in (np.cross(up, normal), up)) for p in scaled]
     cells = [(sorted({c for c, _ in cells}).index(column), sorted({r for _, r in cells}).index(row)) for column, row in cells]
 
@@ -215,9 +220,8 @@ def triangles_of_array(centres, axis, cells):
         if abs(dx) == abs(dy) == 1 and {(xa, yb), (xb, ya)} <= set(cells):  # a diagonal of a full cell: the shorter one
             longer = np.hypot(*np.subtract(points[a], points[b])) - np.hypot(*np.subtract(points[left], points[right]))
             return longer > 0 if abs(longer) > 4 else dx * dy < 0
-        if abs(dx) + abs(dy) == 1 and any({(xa + s * dy, ya + s * dx), (xb + s * dy, yb + s * dx)} <= set(cells) for s in (1, -1)):
-            return False  # a side of a full cell
-        return in_circle(*(points[i] for i in (a, b, left, right))) > 0
+        is_side = abs(dx) + abs(dy) == 1 and any({(xa + s * dy, ya + s * dx), (xb + s * dy, yb + s * dx)} <= set(cells) for s in (1, -1))
+        return not is_side and in_circle(*(points[i] for i in (a, b, left, right))) > 0
 
     apex = delaunay(cells or points)
     turns = {np.sign(side(points[a], points[b], points[c])) for (a, b), c in apex.items()}
@@ -228,14 +232,13 @@ def triangles_of_array(centres, axis, cells):
 
 
 def focal_plane_picture(take, view, depth):
-    """Returns colours (sRGB, 0 to 1) [height][width][3] and A [height][width] of a view: see docs/formats/picture.md."""
+    """Returns linear light [height][width][3] and A [height][width] of a view: see docs/formats/picture.md."""
     rig, k, pose = take.rig["cameras"], view["intrinsics"], np.array(view["world_from_camera"])
     poses = np.array([camera["world_from_camera"] for camera in rig])
     centres, axis = poses[:, :3, 3], -poses[:, :3, 2].sum(axis=0) / np.linalg.norm(poses[:, :3, 2].sum(axis=0))
     require(take.timeline and "distortion" not in k and np.linalg.norm(poses[:, :3, 2].sum(axis=0)) >= 0.8 * len(rig),
             "views need a timeline, no lens distortion, and an array that does not look outwards")
-    tick = int(np.argmin(abs(np.array(take.timeline["ticks_ns"]) - view["time_ns"])))
-    frames = [row[tick] for row in take.timeline["frames"]]
+    frames = [row[np.argmin(abs(np.array(take.timeline["ticks_ns"]) - view["time_ns"]))] for row in take.timeline["frames"]]
     present = [i for i, frame in enumerate(frames) if frame >= 0 and take.cameras[i]["frames"][frame]["intact"] is not False]
     is_grid = take.rig.get("topology") != "delaunay" and all("row" in rig[i] for i in present)
     x, y = np.meshgrid(np.arange(view["width"]) + 0.5, np.arange(view["height"]) + 0.5)
@@ -246,15 +249,16 @@ def focal_plane_picture(take, view, depth):
         total = rays @ np.cross(b - a, c - a)
         shares = [rays @ np.cross(p - eye, q - eye) * np.sign(total) for p, q in ((b, c), (c, a), (a, b))]
         inside = (weights.sum(axis=0) == 0) & (total != 0) & (np.min(shares, axis=0) >= -1e-9 * abs(total))
-        shares = np.maximum(shares, 0)
-        weights[cameras] += np.where(inside, shares / np.maximum(shares.sum(axis=0), 1e-300), 0)
+        weights[cameras] += np.where(inside, (shares := np.maximum(shares, 0)) / np.maximum(shares.sum(axis=0), 1e-300), 0)
     distance = (axis @ centres.mean(axis=0) + depth - axis @ eye) / (rays @ axis)
     responses = [camera.get("photometric", {"brightness": [0, 0, 0], "contrast": [1, 1, 1]}) for camera in rig]
-    full_scale = max([1] + [b + c for r in responses for b, c in zip(r["brightness"], r["contrast"])])
+    deep = [camera.get("pixels", {"peak": 0, "transfer": "srgb"}) for camera in take.document["cameras"]]
+    full_scale = max([1] + [b + c * (d["peak"] or 1) for d, r in zip(deep, responses) for b, c in zip(r["brightness"], r["contrast"])])
+    coded, uncoded = POWER if full_scale > 1 and any(d["peak"] for d in deep) else SRGB
     for i in (i for i in present if weights[i].any()):
         lens, width, height = rig[i]["intrinsics"], rig[i]["width"], rig[i]["height"]
-        require(lens.get("projection", "pinhole") == "pinhole", "fisheyes are not supported")
-        require(set(responses[i]) == {"brightness", "contrast"}, "flat fields, curves, matrices, hot pixels are not supported")
+        require(lens.get("projection", "pinhole") == "pinhole" and set(responses[i]) == {"brightness", "contrast"}
+                and deep[i]["transfer"] in ("srgb", "linear") and "chromaticities" not in deep[i], "not supported, see the beginning")
         right, up, back = np.moveaxis((eye + distance[..., None] * rays - centres[i]) @ poses[i, :3, :3], 2, 0)
         u, v = right / -back, up / back
         k1, k2, k3, p1, p2 = (lens.get("distortion", {}).get(name, 0) for name in ("k1", "k2", "k3", "p1", "p2"))
@@ -265,34 +269,30 @@ def focal_plane_picture(take, view, depth):
         py = lens["fy"] * (v * factor + p1 * (s + 2 * v * v) + 2 * p2 * u * v) + lens["cy"]
         seen = np.clip(2 * np.min([px, width - px, py, height - py], axis=0), 0, 1) * np.clip((1 - s / fold**2) * 100, 0, 1)
         alpha += (weight := np.where((back < 0) & (distance > 0), weights[i] * seen, 0))
-        command = "ffmpeg -v error -f mjpeg -i pipe:0 -sws_flags bicubic+accurate_rnd+full_chroma_int -pix_fmt rgb24 -f rawvideo -"
-        decoded = subprocess.run(command.split(), input=take.jpeg(i, frames[i]), check=True, stdout=subprocess.PIPE).stdout
-        codes = np.frombuffer(decoded, np.uint8).reshape(height, width, 3) / 255
-        light = linear_from_srgb(codes) if take.document["color_space"] == "srgb_texture" else codes
-        light = np.array(responses[i]["brightness"]) + np.array(responses[i]["contrast"]) * light
-        color += weight[..., None] * bilinear(srgb_from_linear(np.clip(light / full_scale, 0, 1)), px, py)
-    color = linear_from_srgb(color / np.maximum(alpha, 1e-300)[..., None]) * full_scale
-    return srgb_from_linear(np.clip(color, 0, 1)), alpha
+        light = np.array(responses[i]["brightness"]) + np.array(responses[i]["contrast"]) * take.light(i, frames[i])
+        color += weight[..., None] * bilinear(coded(np.clip(light / full_scale, 0, 1)), px, py)
+    return uncoded(color / np.maximum(alpha, 1e-300)[..., None]) * full_scale, alpha
 
 
 def main():
     parser = argparse.ArgumentParser(description="Lists every frame, time and gap of a take, and renders a picture of a focal plane.")
     parser.add_argument("take", type=pathlib.Path, help="folder of the take")
-    parser.add_argument("-o", "--output", type=pathlib.Path, required=True, help="folder for take.json, picture.png, CAMERA.INDEX.jpg")
+    parser.add_argument("-o", "--output", type=pathlib.Path, required=True, help="folder for take.json, picture.exr, CAMERA.INDEX.jpg")
     parser.add_argument("--views", type=pathlib.Path, help="document raystage/views/1, of whose first view a picture is rendered")
     parser.add_argument("--depth-m", type=float, default=4, help="distance of the focal plane from the array, metres (default: 4)")
     options = parser.parse_args()
     take = Take(options.take)
     options.output.mkdir(exist_ok=True)
     (options.output / "take.json").write_text(json.dumps({"cameras": take.cameras, "timeline": take.timeline}, indent=1))
-    for camera, index in ((c, i) for c in range(len(take.cameras)) for i, frame in enumerate(take.cameras[c]["frames"])
-                          if frame["intact"] is not False):
-        (options.output / f"{take.cameras[camera]['id']}.{index}.jpg").write_bytes(take.jpeg(camera, index))
+    for i, camera in enumerate(take.cameras):
+        kind = "jxl" if camera["codec"] == "V_JPEGXL/PICTURE" else "jpg"
+        for index in (index for index, frame in enumerate(camera["frames"]) if frame["intact"] is not False):
+            (options.output / f"{camera['id']}.{index}.{kind}").write_bytes(take.frame(i, index))
     if options.views:
-        color, alpha = focal_plane_picture(take, json.loads(options.views.read_text())["views"][0], options.depth_m)
-        command = f"ffmpeg -v error -y -f rawvideo -pix_fmt rgba -s {alpha.shape[1]}x{alpha.shape[0]} -i pipe:0".split()
-        pixels = np.round(255 * np.dstack([color, alpha])).astype(np.uint8).tobytes()
-        subprocess.run(command + [options.output / "picture.png"], input=pixels, check=True)
+        light, alpha = focal_plane_picture(take, json.loads(options.views.read_text())["views"][0], options.depth_m)
+        command = f"ffmpeg -v error -y -f rawvideo -pix_fmt gbrapf32le -s {alpha.shape[1]}x{alpha.shape[0]} -i pipe:0".split()
+        planes = np.stack([light[..., 1], light[..., 2], light[..., 0], np.ones(alpha.shape)]) * alpha
+        subprocess.run(command + [options.output / "picture.exr"], input=planes.astype("<f4").tobytes(), check=True)
 
 
 if __name__ == "__main__":

@@ -141,8 +141,9 @@ class Repacker {
     if (job.frame < 0) return;
     const auto start = std::chrono::steady_clock::now();
     const ArchiveReader& archive = take_.archive(job.camera);
-    if (has_pictures(job.camera)) {  // they stay as they are
+    if (has_pictures(job.camera)) {
       jpeg = archive.stored(job.frame);
+      packed.refusal = "pictures of more than 8 bits are JPEG XL already";
       return;
     }
     jpeg = archive.jpeg(job.frame);
@@ -221,7 +222,7 @@ PackReport pack_take(const Take& take, const fs::path& folder, const PackOptions
 }
 
 PackReport unpack_take(const Take& take, const fs::path& folder, const PackOptions& options) {
-  bool is_packed = false;
+  bool is_packed = false, has_jpegs = false;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     if (is_temporal(take.archive(camera).description().codec)) {
       throw Error::bad_input(
@@ -230,11 +231,15 @@ PackReport unpack_take(const Take& take, const fs::path& folder, const PackOptio
           take.folder().string(),
           "Use the take as it is; `raystage export images` writes its pictures");
     }
-    is_packed = is_packed || take.archive(camera).description().codec == FrameCodec::kPacked;
+    const FrameCodec codec = take.archive(camera).description().codec;
+    is_packed = is_packed || codec == FrameCodec::kPacked;
+    has_jpegs = has_jpegs || codec == FrameCodec::kJpeg;
   }
   if (!is_packed) {
     throw Error::bad_input("the take is not packed", take.folder().string(),
-                           "Its frames are JPEG already: use it as it is");
+                           has_jpegs ? "Its frames are JPEG already: use it as it is"
+                                     : "Its frames are JPEG XL pictures of more than 8 bits, as "
+                                       "they were recorded: use it as it is");
   }
   return repack(take, folder, FrameCodec::kJpeg, options);
 }

@@ -30,7 +30,7 @@ struct PackReport {
     std::int64_t packed = 0;         ///< of them, packed in the packed take
     std::uint64_t bytes_before = 0;  ///< of the frames, as stored in the source
     std::uint64_t bytes_after = 0;   ///< of the frames, as stored in the new take
-    /// Why frames stay JPEG, and how many.
+    /// Why frames stay as they are, and how many.
     std::map<std::string, std::int64_t> refusals;
   };
   std::vector<Camera> cameras;

@@ -137,6 +137,17 @@ TEST_F(Ranks, RenderTheViewsOfLumigraphsAndSlabsAsOneProcessDoes) {
 
 TEST_F(Ranks, FetchPartsOfFramesForPlaneSweep) { expect_equal_to_local("plane_sweep", "{}", true); }
 
+TEST_F(Ranks, RenderPicturesOfMoreThan8BitsAsOneProcessDoes) {
+  fs::remove_all(folder_.path() / "take");
+  const CommandResult made = here(
+      "raystage simulate still -q --hdr --rows 4 --columns 4 --width 96 --height 72 --fps 10 "
+      "--startup-loss-seconds 0 --seconds 0.8 --truth-views 0 -o take && raystage sync -q take");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  expect_equal_to_local("focal_plane", "{}");
+  expect_equal_to_local("plane_sweep", "{}", true);
+  EXPECT_GT(difference("local", "ranked", 1).brightest, 8) << "highlights are lost";
+}
+
 TEST_F(Ranks, FindDepthsTogether) { expect_equal_to_local("depth", R"({"near": 2, "far": 12})"); }
 
 // The maps are farther than the scene, so that estimated depths would give other pictures.

@@ -19,10 +19,9 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/transfer_function.h"
+#include "store/processing/frames/flow_luma.h"
 #include "store/processing/frames/frame_pages.h"
 #include "store/processing/frames/incremental_decode.h"
-#include "store/processing/frames/matching_code.h"
 #include "store/processing/frames/photometric_correction.h"
 #include "store/processing/motion/frame_interpolation.h"
 
@@ -312,10 +311,11 @@ struct FrameCache::State {
     const auto start = std::chrono::steady_clock::now();
     std::call_once(has_interpolated, [&] {
       use_one_opencv_thread();
-      codes = codes_of_levels();
+      codes = flow_codes({space, full_scale});
     });
     DecodedFrame frame = unset_frame(layout);
-    const Luma luma_a = luma_of(a), luma_b = luma_of(b);
+    const Luma luma_a = flow_luma(pixels_of(a), a.width, a.height, codes),
+               luma_b = flow_luma(pixels_of(b), b.width, b.height, codes);
     OpticalFlowEstimator& estimator = flow_estimators.local();
     const FlowField b_from_a = estimator.estimate(luma_a, luma_b),
                     a_from_b = estimator.estimate(luma_b, luma_a);
@@ -325,33 +325,6 @@ struct FrameCache::State {
                               std::chrono::steady_clock::now() - start)
                               .count();
     return frame;
-  }
-
-  /// Returns the 8-bit sRGB code of each level.
-  std::vector<std::uint8_t> codes_of_levels() const {
-    constexpr double kWhite = 255, kLevels = 65535;
-    std::vector<std::uint8_t> table(static_cast<std::size_t>(kLevels) + 1);
-    for (std::size_t level = 0; level < table.size(); ++level) {
-      const double value = static_cast<double>(level) / kLevels;
-      const double light = part_from_value(space, value) * full_scale;
-      const double code = space == BlendSpace::kHighRange
-                              ? matching_code({space, full_scale}, light)
-                              : srgb_from_linear(std::min(1.0, light));
-      table[level] = static_cast<std::uint8_t>(std::clamp(kWhite * code + 0.5, 0.0, kWhite));
-    }
-    return table;
-  }
-
-  /// Returns the luma of the 8-bit codes, as make_flow_image().
-  Luma luma_of(const DecodedFrame& frame) const {
-    Luma luma(frame.width, frame.height);
-    const std::span<const std::uint16_t> levels = pixels_of(frame);
-    for (std::size_t i = 0; i < luma.values.size(); ++i) {
-      const unsigned sum = 77U * codes[levels[4 * i]] + 150U * codes[levels[4 * i + 1]] +
-                           29U * codes[levels[4 * i + 2]];
-      luma.values[i] = static_cast<std::uint8_t>((sum + 128U) >> 8U);
-    }
-    return luma;
   }
 
   /// Returns a copy of `held`, which other threads may be using, with the `wanted` MCUs added.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes a take whose frames are at the ticks of a timeline. plan_retiming() chooses the source
 // frames of each tick. A frame is then copied byte for byte, or computed and encoded: blended, or
-// interpolated by optical flow in both directions (frame_interpolation.h). Cost per interpolated
-// frame: one decode, two flow fields, one interpolation and one JPEG encode, less where consecutive
-// ticks use the same source frames. Cameras run in parallel.
+// interpolated by optical flow in both directions (frame_interpolation.h, frame_forms.h). Cost per
+// interpolated frame: one decode, two flow fields, one interpolation and one encode, less where
+// consecutive ticks use the same source frames. Cameras run in parallel.
 #include "store/processing/retime/retime_take.h"
 
 #include <fmt/format.h>
@@ -19,8 +19,8 @@
 #include "base/parallel.h"
 #include "base/resources.h"
 #include "schemas/rig_document.h"
-#include "store/jpeg/encode.h"
 #include "store/processing/motion/frame_interpolation.h"
+#include "store/processing/retime/frame_forms.h"
 
 namespace raystage::store {
 namespace {
@@ -86,37 +86,28 @@ schemas::RigDocument retimed_rig(const Take& take, RetimeMethod method) {
 // reused while the source frames stay the same.
 class Retimer {
  public:
-  Retimer(const ArchiveReader& archive, std::string name, const RetimeOptions& options)
-      : archive_(archive), name_(std::move(name)), options_(options) {}
+  Retimer(FrameForm& form, std::string name, RetimeMethod method)
+      : form_(form), name_(std::move(name)), method_(method) {}
 
   std::vector<std::byte> make(const RetimedFrame& frame) {
     load(frame.first, frame.second);
-    const FlowImage &a = side_[0].picture, &b = side_[1].picture;
-    RgbImage image;
-    if (options_.method == RetimeMethod::kBlend) {
-      image = blend(a.rgb, b.rgb, frame.part);
-    } else {
-      if (!motion_known_) {
-        parallel_for(0, 2, [&](int side) {
-          const auto from = static_cast<std::size_t>(side);
-          side_[from].motion =
-              estimators_[from].estimate(side_[from].picture.luma, side_[1 - from].picture.luma);
-        });
-        motion_known_ = true;
-      }
-      image =
-          interpolate_frame(a, b, side_[0].motion, side_[1].motion, {frame.part, frame.line_part});
+    const MovableFrame &a = side_[0].picture, &b = side_[1].picture;
+    if (method_ == RetimeMethod::kBlend) return form_.blend(a, b, frame.part);
+    if (!motion_known_) {
+      parallel_for(0, 2, [&](int side) {
+        const auto from = static_cast<std::size_t>(side);
+        motion_[from] = estimators_[from].estimate(side_[from].picture.image.luma,
+                                                   side_[1 - from].picture.image.luma);
+      });
+      motion_known_ = true;
     }
-    JpegEncodeOptions encode;
-    encode.quality = options_.quality;
-    return encode_jpeg(image, encode);
+    return form_.interpolate(a, b, motion_, {frame.part, frame.line_part});
   }
 
  private:
   struct Side {
     std::int32_t frame = -1;
-    FlowImage picture;
-    FlowField motion;  // to the other side
+    MovableFrame picture;
   };
 
   void load(std::int32_t first, std::int32_t second) {
@@ -125,7 +116,7 @@ class Retimer {
     if (side_[1].frame == first) std::swap(side_[0], side_[1]);
     load(side_[0], first);
     load(side_[1], second);
-    const RgbImage &a = side_[0].picture.rgb, &b = side_[1].picture.rgb;
+    const Luma &a = side_[0].picture.image.luma, &b = side_[1].picture.image.luma;
     if (a.width != b.width || a.height != b.height) {
       throw Error::bad_input(fmt::format("frames {} and {} differ in size", first, second), name_,
                              "Verify the take; use it without retiming until it is repaired");
@@ -133,16 +124,15 @@ class Retimer {
   }
   void load(Side& side, std::int32_t frame) {
     if (side.frame == frame) return;
-    side.picture = make_flow_image(
-        decoder_.decode(archive_.jpeg(frame), fmt::format("{}, frame {}", name_, frame)));
+    side.picture = form_.read(frame);
     side.frame = frame;
   }
 
-  const ArchiveReader& archive_;
+  FrameForm& form_;
   const std::string name_;
-  const RetimeOptions& options_;
-  JpegDecoder decoder_;
+  const RetimeMethod method_;
   std::array<Side, 2> side_;
+  std::array<FlowField, 2> motion_;  // from each side to the other
   std::array<OpticalFlowEstimator, 2> estimators_;
   bool motion_known_ = false;
 };
@@ -161,10 +151,6 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
                          const std::stop_token& stop) {
   require_valid(options, "retiming");
   take.check_not_inside(folder);
-  if (take.document().has_deep_pixels()) {
-    throw Error::bad_input("takes of more than 8 bits cannot be retimed", take.folder().string(),
-                           "Render the take as it is, or import its pictures with 8 bits");
-  }
   use_one_opencv_thread();
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   // Times in archives are not negative, but corrected times may be.
@@ -192,7 +178,8 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     const std::string name = take.folder().string() + ", camera " + take.document().cameras[c].id;
     const CameraClock clock = timeline.clocks.empty() ? CameraClock{} : timeline.clocks[c];
     const MissingReasons reasons(from, clock);
-    Retimer retimer(from, name, options);
+    const std::unique_ptr<FrameForm> form = frame_form_of(take, index, name, options.quality);
+    Retimer retimer(*form, name, options.method);
     RetimeReport& report = results[c].report;
     std::int32_t stored = 0;
     const double line_time_us = take.rig().cameras[c].line_time_us;
@@ -203,16 +190,16 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     // Throws RottenFrame before anything is written.
     const auto write_frame = [&](const RetimedFrame& frame) {
       if (frame.kind == Kind::kUnchanged) {
-        to.append(from.jpeg(frame.first), frame.time + later, sequence(frame.first));
+        to.append(form->unchanged(frame.first), frame.time + later, sequence(frame.first));
         ++report.unchanged;
         if (options.method == RetimeMethod::kFlow && line_time_us != 0) ++report.uncorrected;
         return;
       }
       const auto start = Clock::now();
-      const std::vector<std::byte> jpeg = retimer.make(frame);
+      const std::vector<std::byte> made = retimer.make(frame);
       results[c].moving_ms +=
           std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-      to.append(jpeg, frame.time + later, sequence(frame.part <= 0.5 ? frame.first : frame.second));
+      to.append(made, frame.time + later, sequence(frame.part <= 0.5 ? frame.first : frame.second));
       ++report.interpolated;
     };
     for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {

@@ -29,8 +29,10 @@ struct RetimeReport {
 
 /// Writes a new take whose frames are at the ticks of `timeline`, with a timeline of its own.
 /// `take` is not changed. Cameras run in parallel, with about 60 bytes of memory per pixel and
-/// thread; the files do not depend on the number of threads. Interpolated frames are 4:4:4 with
-/// restart markers; their sequence number in the journal is the index of the nearer source frame. A
+/// thread, 90 of pictures of more than 8 bits; the files do not depend on the number of threads.
+/// Interpolated frames are JPEGs, 4:4:4 with restart markers, or where the camera has pictures of
+/// more than 8 bits such pictures, compressed without loss, with light from 0 to the stated peak.
+/// Their sequence number in the journal is the index of the nearer source frame. A
 /// missing frame with a record in `take` near the tick keeps its reason, with sequence 0. Without
 /// such a record the new journal has none either, and the frame is absent in the timeline. `times`:
 /// ResyncResult::times. With optical flow all cameras of the new rig.json have a global shutter:

@@ -130,18 +130,18 @@ class Take:
         frame, codec = self.cameras[camera]["frames"][index], self.cameras[camera]["codec"]
         data = self.bytes[camera][frame["offset"]:frame["offset"] + frame["size"]]
         require("JP" in codec, "frames are video: ffmpeg reads them")
-        if codec != "V_JPEGXL" or not data.startswith(bytes.fromhex("0000000c4a584c200d0a870a")):
-            return data
-        jpeg = decoded_by_djxl(data, "frame.jpg")
-        require((xxh3(jpeg), len(jpeg)) == struct.unpack_from("<QI", data, 56), "a packed frame does not give its JPEG")
-        return jpeg
+        if codec == "V_JPEGXL" and data.startswith(bytes.fromhex("0000000c4a584c200d0a870a")):
+            packed, data = data, decoded_by_djxl(data, "frame.jpg")
+            require((xxh3(data), len(data)) == struct.unpack_from("<QI", packed, 56), "a packed frame does not give its JPEG")
+        return data
 
     def light(self, camera, index):
         """Returns the linear light of a frame [height][width][3], 1 = white, before the camera's calibration."""
         size, pixels = [self.rig["cameras"][camera][name] for name in ("height", "width")], self.document["cameras"][camera].get("pixels")
         if pixels:
-            _, _, order, floats = decoded_by_djxl(self.frame(camera, index), "frame.pfm").split(b"\n", 3)  # rows from the bottom up
-            values = np.frombuffer(floats, "<f4" if order.startswith(b"-") else ">f4").reshape(*size, 3)[::-1]
+            kind, sample, step = ("ppm", "u2", 1) if pixels["samples"] == "integer" else ("pfm", "f4", -1)  # PFM: rows from the bottom up
+            _, _, most, data = decoded_by_djxl(self.frame(camera, index), "frame." + kind).split(b"\n", 3)
+            values = np.frombuffer(data, ("<" if most[:1] == b"-" else ">") + sample).reshape(*size, 3)[::step] / abs(float(most))
             return SRGB[1](values) if pixels["transfer"] == "srgb" else values
         command = "ffmpeg -v error -f mjpeg -i pipe:0 -sws_flags bicubic+accurate_rnd+full_chroma_int -pix_fmt rgb24 -f rawvideo -"
         decoded = subprocess.run(command.split(), input=self.frame(camera, index), check=True, stdout=subprocess.PIPE).stdout

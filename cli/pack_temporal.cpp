@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -43,6 +44,17 @@ store::VideoSettings settings_of(const TemporalCommandOptions& options) {
   return video;
 }
 
+store::References references_of(const TemporalCommandOptions& options) {
+  return options.references == References::kCameras ? store::References::kCameras
+                                                    : store::References::kTime;
+}
+
+std::string_view name_of(References references) {
+  return references == References::kCameras ? "cameras"
+         : references == References::kNone  ? "none"
+                                            : "time";
+}
+
 void check_options(const TemporalCommandOptions& options, const store::VideoSettings& video) {
   if (options.crf && *options.crf > store::max_crf(video.codec)) {
     throw Error::bad_input(fmt::format("the rate factor {} is too large for {}", *options.crf,
@@ -59,7 +71,9 @@ MeasuredLoss search(const store::Take& take, const std::string& output,
   const std::filesystem::path folder =
       (target.has_filename() ? target : target.parent_path()).parent_path() /
       fmt::format(".{}.{}.trials.tmp", target.filename().string(), getpid());
-  const ViewLoss loss(take, folder, {options.method, options.views, video.group_frames, threads},
+  const store::References references = references_of(options);
+  const int frames = references == store::References::kCameras ? 1 : video.group_frames;
+  const ViewLoss loss(take, folder, {options.method, options.views, frames, references, threads},
                       stop);
   MeasuredLoss measured{*options.target_db, 0, loss.reference_db(), loss.truth()};
   std::map<double, double> tried;
@@ -86,11 +100,13 @@ nlohmann::ordered_json json_of(const Camera& camera) {
           {"min_psnr_db", camera.min_psnr_db}};
 }
 
-void print_json(const PackCommandOptions& common, const store::VideoSettings& video,
-                const store::TemporalReport& report, const std::optional<MeasuredLoss>& loss) {
+void print_json(const PackCommandOptions& common, References references,
+                const store::VideoSettings& video, const store::TemporalReport& report,
+                const std::optional<MeasuredLoss>& loss) {
   nlohmann::ordered_json json{{"take", common.take},
                               {"output", common.output},
                               {"codec", store::name_of(video.codec)},
+                              {"references", name_of(references)},
                               {"crf", video.crf},
                               {"group_frames", video.group_frames}};
   json.update(json_of(report.total()));
@@ -113,22 +129,29 @@ void print_json(const PackCommandOptions& common, const store::VideoSettings& vi
   print("{}\n", json.dump(2));
 }
 
-void print_text(const PackCommandOptions& common, const store::VideoSettings& video,
-                const store::TemporalReport& report, const std::optional<MeasuredLoss>& loss) {
+std::string decibels(double psnr) {
+  return std::isfinite(psnr) ? fmt::format("{:.2f} dB", psnr) : "infinite";
+}
+
+void print_text(const PackCommandOptions& common, References references,
+                const store::VideoSettings& video, const store::TemporalReport& report,
+                const std::optional<MeasuredLoss>& loss) {
   const Camera total = report.total();
   print("{}: {} cameras, {} frames, {:.1f} MB -> {:.2f} MB, {:.1f} times smaller; lossy\n",
         common.output, report.cameras.size(), total.frames,
         static_cast<double>(total.bytes_before) / kMegabyte,
         static_cast<double>(total.bytes_after) / kMegabyte, ratio(total));
-  print("Codec      {}, rate factor {}, {} groups of up to {} frames\n",
-        store::name_of(video.codec), video.crf, total.groups, video.group_frames);
-  print("Frames     {:.2f} dB PSNR against the source's Y'CbCr 4:2:0, the worst {:.2f} dB\n",
-        report.psnr_db(), total.min_psnr_db);
+  print("Codec      {}, rate factor {}, {} groups of up to {} {}\n", store::name_of(video.codec),
+        video.crf, total.groups, video.group_frames,
+        references == References::kCameras ? "cameras" : "frames");
+  if (total.frames == 0) return;
+  print("Frames     PSNR {} against the source's Y'CbCr 4:2:0, the worst {}\n",
+        decibels(report.psnr_db()), decibels(total.min_psnr_db));
   if (loss) {
     print("Views      {:.3f} dB lost of {:.2f} dB PSNR (allowed: {} dB); truth: {}\n",
           loss->loss_db, loss->reference_db, loss->target_db, loss->truth);
   }
-  const double frames = static_cast<double>(std::max<std::int64_t>(total.frames, 1));
+  const auto frames = static_cast<double>(total.frames);
   print("Speed      {:.1f} s; per frame {:.1f} ms to encode, {:.1f} ms to decode and compare\n",
         report.seconds, 1000 * report.encode_thread_seconds / frames,
         1000 * report.decode_thread_seconds / frames);
@@ -144,12 +167,14 @@ void add_temporal_options(CommandLine& command, TemporalCommandOptions& options)
       .one_of({"hevc", "av1"});
   group.choice(
       "--references", options.references,
-      {{"time", References::kTime}, {"none", References::kNone}},
-      "What frames are predicted from: time (earlier frames of the camera's group) or none "
-      "(default: time)");
+      {{"time", References::kTime}, {"cameras", References::kCameras}, {"none", References::kNone}},
+      "What frames are predicted from: time (earlier frames of the camera's group), cameras (of "
+      "the "
+      "same instant, along the rows of the array) or none (default: time)");
   group
       .option("--group", options.group,
-              "Frames of a group, which is decoded as a whole, 1-256 (default: 12)")
+              "Frames of a group, which is decoded as a whole, 1-256; with --references cameras "
+              "those of as many cameras (default: 12)")
       .limits(1, store::kMaxGroupFrames)
       .needs("--temporal");
   group
@@ -180,6 +205,7 @@ ExitCode run_pack_temporal(const PackCommandOptions& common, const TemporalComma
   store::silence_encoders();
   store::TemporalOptions how;
   how.video = settings_of(options);
+  how.references = references_of(options);
   check_options(options, how.video);
   const ThreadLimit limit(common.threads);
   const store::Take take(common.take);
@@ -192,13 +218,14 @@ ExitCode run_pack_temporal(const PackCommandOptions& common, const TemporalComma
   how.stop = stop;
   const store::TemporalReport report = store::pack_temporal(take, common.output, how);
   if (common.json) {
-    print_json(common, how.video, report, loss);
+    print_json(common, options.references, how.video, report, loss);
   } else {
-    print_text(common, how.video, report, loss);
+    print_text(common, options.references, how.video, report, loss);
   }
-  record_event(common.output, "migration", "pack --temporal " + options.codec,
-               fmt::format("{} frames, lossy, rate factor {}, {:.2f} dB PSNR",
-                           report.total().frames, how.video.crf, report.psnr_db()));
+  std::string what = fmt::format("{} frames, lossy, references {}, rate factor {}",
+                                 report.total().frames, name_of(options.references), how.video.crf);
+  if (report.total().frames > 0) what += ", PSNR " + decibels(report.psnr_db());
+  record_event(common.output, "migration", "pack --temporal " + options.codec, what);
   return ExitCode::kSuccess;
 }
 

@@ -11,7 +11,7 @@
 
 namespace raystage::cli {
 
-enum class References { kNone, kTime };
+enum class References { kNone, kTime, kCameras };
 
 /// Options of `raystage pack --temporal`.
 struct TemporalCommandOptions {

@@ -69,7 +69,7 @@ void ViewLoss::choose_frames() {
                            take_.folder().string(), kAdvice);
   }
   const auto count = static_cast<int>(frames.size());
-  const int length = std::min(settings_.group_frames, count);
+  const int length = std::min(settings_.frames, count);
   const int begin = (count - length) / 2;
   const Nanoseconds interval =
       count > 1 ? (frames.back().time_ns - frames.front().time_ns) / (count - 1) : 0;
@@ -127,6 +127,7 @@ double ViewLoss::loss_db(const store::VideoSettings& video) const {
   std::filesystem::remove_all(folder_ / "trial");
   store::Excerpt trial = excerpt_;
   trial.video = video;
+  trial.references = settings_.references;
   store::write_excerpt(take_, folder_ / "trial", trial, stop_);
   return reference_db_ - psnr_of("trial");
 }

@@ -14,13 +14,14 @@ namespace raystage::cli {
 /// What encoding costs in rendered views: `raystage evaluate` renders a few views from frames of
 /// the take and from encoded ones, and compares both with the same truth: images of a views
 /// document, or the frames of cameras that do not contribute, as the take has them. Frames are
-/// those of one group in the middle of the take, or with a views document all.
+/// a few in the middle of the take, or with a views document all.
 class ViewLoss {
  public:
   struct Settings {
     std::string method = "depth";
     std::filesystem::path views;  ///< empty: cameras are left out
-    int group_frames = 12;
+    int frames = 12;              ///< of each camera, if cameras are left out
+    store::References references = store::References::kTime;
     int threads = 0;  ///< as the option of commands
   };
   /// `folder`: for excerpts of the take; it is removed with this object. Renders the views from the

@@ -69,10 +69,17 @@ enum class FrameCodec : std::uint8_t {
   kPacked,   ///< packed frames (store/jpegxl/packed_frame.h), and JPEGs that could not be packed
   kPicture,  ///< JPEG XL pictures of more than 8 bits (schemas::PixelEncoding)
   kHevc,     ///< temporal frames (store/temporal/temporal_frame.h), HEVC
-  kAv1       ///< temporal frames, AV1
+  kAv1,      ///< temporal frames, AV1
+  kHevcCameras,  ///< temporal frames that refer to those of other cameras, HEVC
+  kAv1Cameras    ///< likewise, AV1
 };
 /// Returns whether frames are lossy and refer to each other.
 bool is_temporal(FrameCodec codec);
+/// Returns whether frames refer to those of other cameras, so that they are read with their take.
+bool refers_to_cameras(FrameCodec codec);
+enum class VideoCodec : std::uint8_t;  // store/temporal/temporal_frame.h
+/// Returns the codec of temporal frames.
+VideoCodec video_codec_of(FrameCodec codec);
 
 /// Most frames of one append(): the frames are written before their records, so that a crash leaves
 /// at most so many whole frames at the end without a record.
@@ -148,6 +155,17 @@ class ArchiveWriter {
   std::unique_ptr<Files> files_;
 };
 
+class ArchiveReader;
+
+/// The archives of a take, for those whose frames refer to other cameras.
+class TakeArchives {
+ public:
+  virtual ~TakeArchives() = default;
+  virtual int camera_count() const = 0;
+  /// Throws Error (bad input) if the archive cannot be read.
+  virtual const ArchiveReader& archive(int camera) const = 0;
+};
+
 /// Reads one camera's archive. The journal is the index; where it is missing, torn or incomplete,
 /// the Matroska file is scanned instead. A file truncated at any byte gives every complete frame.
 /// Const members are thread-safe. Frames are copied from the file, which another process may
@@ -196,11 +214,16 @@ class ArchiveReader {
   /// Returns the bytes of frame i as they are stored: the JPEG, packed frame or picture; the JPEG
   /// of a packed frame on another host. Throws as jpeg().
   FrameBytes stored(int frame) const;
+  /// Returns the bytes as stored() does, or nullopt where stored() would throw RottenFrame.
+  std::optional<FrameBytes> intact_stored(int frame) const;
   /// Returns frame i of an archive of pictures (FrameCodec::kPicture), all of whose samples are
   /// finite. Decodes anew with each call. Throws as jpeg().
   DeepPicture picture(int frame) const;
   /// Returns the meaning of the samples of picture(); nullopt: frames are JPEG or it is not known.
   const std::optional<schemas::PixelEncoding>& pixel_encoding() const;
+  /// Sets the take of which this is the archive of a camera, for refers_to_cameras(). It must
+  /// outlive the reader.
+  void set_take(const TakeArchives& take, int camera);
   /// Sets what take.json states of the samples.
   void set_pixel_encoding(const schemas::PixelEncoding& encoding);
   /// Returns whether jpeg() would throw RottenFrame; reads the frame only if that is not known yet.

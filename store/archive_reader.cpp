@@ -20,6 +20,7 @@
 #include "base/posix_file.h"
 #include "store/archive.h"
 #include "store/archive_index.h"
+#include "store/camera_groups.h"
 #include "store/jpeg/encode.h"
 #include "store/jpegxl/frame_packer.h"
 #include "store/jpegxl/packed_frame.h"
@@ -30,8 +31,17 @@
 
 namespace raystage::store {
 
+bool refers_to_cameras(FrameCodec codec) {
+  return codec == FrameCodec::kHevcCameras || codec == FrameCodec::kAv1Cameras;
+}
+
 bool is_temporal(FrameCodec codec) {
-  return codec == FrameCodec::kHevc || codec == FrameCodec::kAv1;
+  return codec == FrameCodec::kHevc || codec == FrameCodec::kAv1 || refers_to_cameras(codec);
+}
+
+VideoCodec video_codec_of(FrameCodec codec) {
+  const bool is_hevc = codec == FrameCodec::kHevc || codec == FrameCodec::kHevcCameras;
+  return is_hevc ? VideoCodec::kHevc : VideoCodec::kAv1;
 }
 
 struct ArchiveReader::State {
@@ -115,15 +125,46 @@ struct ArchiveReader::State {
     if (group.empty()) return std::nullopt;
     const std::vector<std::span<const std::byte>> frames(group.begin(), group.end());
     const ArchiveWriter::Description& camera = index.description;
-    auto jpegs = unpacked->groups().decode(
-        camera.codec == FrameCodec::kHevc ? VideoCodec::kHevc : VideoCodec::kAv1,
-        {camera.width, camera.height}, frames, path);
+    auto jpegs = unpacked->groups().decode(video_codec_of(camera.codec),
+                                           {camera.width, camera.height}, frames, path);
     std::optional<FrameBytes> wanted;
     // The frames that a shot shows next are evicted last.
     for (std::size_t i = jpegs.size(); i-- > 0;) {
       const FrameBytes jpeg(std::make_shared<const std::vector<std::byte>>(std::move(jpegs[i])));
       if (i == position) wanted = jpeg;
       unpacked->insert({number, frame - static_cast<int>(position) + static_cast<int>(i)}, jpeg);
+    }
+    return wanted;
+  }
+
+  /// Returns the frames of other cameras, and this one, that a frame is decoded with.
+  std::vector<GroupMember> read_camera_group(int frame) const {
+    if (take == nullptr) {
+      throw Error::bad_input("the frames refer to those of other cameras", path.string(),
+                             "Open the archive as part of its take");
+    }
+    return group_up_to(*take, camera_in_take, frame);
+  }
+
+  /// As decode_temporal(), of a group across cameras.
+  std::optional<FrameBytes> decode_camera_group(int frame) const {
+    std::vector<GroupMember> group = read_camera_group(frame);
+    if (group.empty()) return std::nullopt;
+    const std::scoped_lock lock(unpacked->group_mutex(hash_of_stored(group.front().bytes)));
+    if (auto known = unpacked->find({number, frame})) return known;
+    const std::size_t position = group.size() - 1;
+    extend_group(*take, group);  // views need all cameras of a time
+    std::vector<std::span<const std::byte>> frames;
+    for (const GroupMember& member : group) frames.emplace_back(member.bytes);
+    const ArchiveWriter::Description& description = index.description;
+    auto jpegs = unpacked->groups().decode(video_codec_of(description.codec),
+                                           {description.width, description.height}, frames, path);
+    std::optional<FrameBytes> wanted;
+    for (std::size_t i = jpegs.size(); i-- > 0;) {
+      const FrameBytes jpeg(std::make_shared<const std::vector<std::byte>>(std::move(jpegs[i])));
+      if (i == position) wanted = jpeg;
+      const std::uint64_t archive = take->archive(group[i].camera).state_->number;
+      unpacked->insert({archive, group[i].frame}, jpeg);
     }
     return wanted;
   }
@@ -172,7 +213,8 @@ struct ArchiveReader::State {
     const auto link = stored ? read_frame_link(*stored) : std::nullopt;
     if (!link) return stored;
     try {
-      return decode_temporal(frame, link->position);
+      return refers_to_cameras(index.description.codec) ? decode_camera_group(frame)
+                                                        : decode_temporal(frame, link->position);
     } catch (const Error& error) {
       if (error.exit_code() != ExitCode::kBadInput) throw;
       integrity[frame] = Integrity::kRotten;
@@ -203,7 +245,10 @@ struct ArchiveReader::State {
     const std::optional<FrameBytes> stored = read_intact(frame);
     if (!stored || !is_temporal(index.description.codec)) return !stored;
     const auto link = read_frame_link(*stored);
-    return link && read_group(frame, link->position, false).empty();
+    if (!link) return false;
+    return refers_to_cameras(index.description.codec)
+               ? read_camera_group(frame).empty()
+               : read_group(frame, link->position, false).empty();
   }
 
   /// Returns the stored bytes of a frame; none if they are not the recorded ones.
@@ -226,6 +271,8 @@ struct ArchiveReader::State {
   std::uint64_t number = 0;  // of this archive in `unpacked`
   std::shared_ptr<const RemoteFrames> remote;
   std::optional<schemas::PixelEncoding> encoding;
+  const TakeArchives* take = nullptr;  // null: unknown
+  int camera_in_take = 0;
   ArchiveIndex index;
   std::unique_ptr<std::atomic<Integrity>[]> integrity;                    // of each frame
   std::unique_ptr<std::mutex> decoding = std::make_unique<std::mutex>();  // of one group at a time
@@ -325,9 +372,17 @@ FrameBytes ArchiveReader::jpeg(int frame) const {
 }
 
 FrameBytes ArchiveReader::stored(int frame) const {
-  if (state_->remote) return state_->remote->jpeg(frame);
-  if (std::optional<FrameBytes> bytes = state_->read_intact(frame)) return *std::move(bytes);
+  if (std::optional<FrameBytes> bytes = intact_stored(frame)) return *std::move(bytes);
   throw rotten_frame(frame, description().camera_id, state_->path);
+}
+
+std::optional<FrameBytes> ArchiveReader::intact_stored(int frame) const {
+  return state_->remote ? state_->remote->jpeg(frame) : state_->read_intact(frame);
+}
+
+void ArchiveReader::set_take(const TakeArchives& take, int camera) {
+  state_->take = &take;
+  state_->camera_in_take = camera;
 }
 
 DeepPicture ArchiveReader::picture(int frame) const {

@@ -56,7 +56,10 @@ struct CodecName {
 constexpr std::array kCodecs{
     CodecName{FrameCodec::kJpeg, "V_MJPEG"}, CodecName{FrameCodec::kPacked, "V_JPEGXL"},
     CodecName{FrameCodec::kPicture, "V_JPEGXL/PICTURE"},
-    CodecName{FrameCodec::kHevc, "V_MPEGH/ISO/HEVC"}, CodecName{FrameCodec::kAv1, "V_AV1"}};
+    CodecName{FrameCodec::kHevc, "V_MPEGH/ISO/HEVC"}, CodecName{FrameCodec::kAv1, "V_AV1"},
+    // Names of our own: players would show frames without those that they refer to.
+    CodecName{FrameCodec::kHevcCameras, "V_MPEGH/ISO/HEVC/CAMERAS"},
+    CodecName{FrameCodec::kAv1Cameras, "V_AV1/CAMERAS"}};
 
 std::string_view name_of(FrameCodec codec) {
   return std::ranges::find(kCodecs, codec, &CodecName::codec)->name;

@@ -30,7 +30,7 @@ const fs::path& checked_take(const fs::path& folder) {
 
 }  // namespace
 
-struct Take::State {
+struct Take::State : TakeArchives {
   struct Slot {
     std::mutex opening;
     std::atomic<bool> ready = false;
@@ -46,6 +46,8 @@ struct Take::State {
 
   void check_cameras() const;
   ArchiveReader open(std::size_t camera) const;
+  int camera_count() const override { return static_cast<int>(slots.size()); }
+  const ArchiveReader& archive(int camera) const override;
 
   std::filesystem::path folder;
   std::shared_ptr<const RemoteArchives> remote;  // null: all are in the folder
@@ -111,7 +113,24 @@ ArchiveReader Take::State::open(std::size_t camera) const {
                      : "its frames are JPEG, but take.json states \"pixels\" of JPEG XL pictures");
   }
   reader.shift_times(epoch - document.epoch_utc);
+  reader.set_take(*this, static_cast<int>(camera));
   return reader;
+}
+
+const ArchiveReader& Take::State::archive(int camera) const {
+  assert(camera >= 0 && camera < camera_count());
+  const auto index = static_cast<std::size_t>(camera);
+  Slot& slot = slots[index];
+  // Not std::call_once: with thread sanitizers it locks up if its function throws, and opening may.
+  // After a failure the next caller tries again.
+  if (!slot.ready.load(std::memory_order_acquire)) {
+    const std::scoped_lock lock(slot.opening);
+    if (!slot.ready.load(std::memory_order_relaxed)) {
+      slot.reader.emplace(open(index));
+      slot.ready.store(true, std::memory_order_release);
+    }
+  }
+  return *slot.reader;
 }
 
 Take::Take(std::filesystem::path folder, std::shared_ptr<const RemoteArchives> remote)
@@ -137,7 +156,7 @@ void Take::check_not_inside(const fs::path& folder) const {
                          folder.string(), "Give a folder outside of that take");
 }
 
-int Take::camera_count() const { return static_cast<int>(state_->slots.size()); }
+int Take::camera_count() const { return state_->camera_count(); }
 
 int Take::camera_index(std::string_view id) const {
   const auto& cameras = state_->document.cameras;
@@ -155,20 +174,6 @@ UnpackedFrames& Take::unpacked_frames() const { return *state_->unpacked; }
 
 bool Take::are_archives_unknown() const { return state_->remote && state_->remote->are_unknown(); }
 
-const ArchiveReader& Take::archive(int camera) const {
-  assert(camera >= 0 && camera < camera_count());
-  const auto index = static_cast<std::size_t>(camera);
-  State::Slot& slot = state_->slots[index];
-  // Not std::call_once: with thread sanitizers it locks up if its function throws, and opening may.
-  // After a failure the next caller tries again.
-  if (!slot.ready.load(std::memory_order_acquire)) {
-    const std::scoped_lock lock(slot.opening);
-    if (!slot.ready.load(std::memory_order_relaxed)) {
-      slot.reader.emplace(state_->open(index));
-      slot.ready.store(true, std::memory_order_release);
-    }
-  }
-  return *slot.reader;
-}
+const ArchiveReader& Take::archive(int camera) const { return state_->archive(camera); }
 
 }  // namespace raystage::store

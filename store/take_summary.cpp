@@ -51,8 +51,9 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
       result.packed_frames += archive.is_packed(frame) ? 1 : 0;
     }
     if (is_temporal(archive.description().codec)) {
-      result.video = name_of(archive.description().codec == FrameCodec::kHevc ? VideoCodec::kHevc
-                                                                              : VideoCodec::kAv1);
+      const FrameCodec codec = archive.description().codec;
+      result.video = name_of(video_codec_of(codec));
+      if (refers_to_cameras(codec)) result.video += " across cameras";
     } else if (!result.pixels) {
       result.restart_markers = restart_markers_of(archive, result.id);
     }

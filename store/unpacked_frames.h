@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <list>
@@ -40,6 +41,10 @@ class UnpackedFrames {
   /// Returns a number for an archive that differs from all others.
   std::uint64_t new_archive();
 
+  /// Returns the mutex of threads that want frames of one group: the first decodes it, the others
+  /// wait. `group`: a number of the group; others may share the mutex.
+  std::mutex& group_mutex(std::uint64_t group) { return groups_in_work_[group % kGroupMutexes]; }
+
   std::optional<FrameBytes> find(const Key& key);
   /// Keeps a frame, unless it is larger than the budget.
   void insert(const Key& key, const FrameBytes& jpeg);
@@ -59,6 +64,8 @@ class UnpackedFrames {
   const std::unique_ptr<const FramePacker> packer_;
   const std::unique_ptr<const PictureCodec> pictures_;
   const std::unique_ptr<const GroupDecoder> groups_;
+  static constexpr std::size_t kGroupMutexes = 64;
+  std::array<std::mutex, kGroupMutexes> groups_in_work_;
   mutable std::mutex mutex_;
   std::map<Key, Entry> entries_;
   std::list<Key> by_use_;  // the latest first

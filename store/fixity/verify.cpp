@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <mutex>
 #include <optional>
 #include <system_error>
 
@@ -125,6 +126,51 @@ void verify_camera(const Take& take, int camera, const TakeVerifyOptions& option
   }
 }
 
+/// Decodes the frames that refer to those of other cameras.
+void decode_camera_groups(const Take& take, const TakeVerifyOptions& options,
+                          TakeFixityReport& report) {
+  struct Frame {
+    Nanoseconds time;
+    int camera, number;
+  };
+  std::vector<Frame> frames;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    try {
+      const ArchiveReader& archive = take.archive(camera);
+      if (!refers_to_cameras(archive.description().codec)) continue;
+      for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
+        frames.push_back({archive.frames()[i].time_ns, camera, i});
+      }
+    } catch (const Error& error) {  // which is a problem of the archive already
+      if (error.exit_code() != ExitCode::kBadInput) throw;
+    }
+  }
+  std::ranges::stable_sort(frames, {}, &Frame::time);  // groups are decoded once
+  std::mutex mutex;
+  parallel_for_in_order(
+      frames.size(), static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()),
+      [&] { return options.stop.stop_requested(); },
+      [&](std::size_t i) {
+        const Frame& frame = frames[i];
+        const ArchiveReader& archive = take.archive(frame.camera);
+        // Frames that are damaged themselves are problems already.
+        if (!archive.intact_stored(frame.number) || archive.intact_jpeg(frame.number)) return;
+        const std::scoped_lock lock(mutex);
+        const auto index = static_cast<std::size_t>(frame.camera);
+        ArchiveFixityReport& found = report.cameras[index].report;
+        if (found.problems.size() == kMaxProblems) {
+          ++found.omitted_problems;
+          return;
+        }
+        found.problems.push_back({take.document().cameras[index].archive,
+                                  archive.frames()[frame.number].offset,
+                                  "a frame cannot be decoded, or one of another camera that it "
+                                  "refers to is damaged or lost",
+                                  {{frame.number, frame.time}},
+                                  false});
+      });
+}
+
 void verify_timeline(const Take& take, TakeFixityReport& report) {
   if (!fs::exists(take.folder() / kTimelineFile)) return;
   try {
@@ -216,6 +262,7 @@ TakeFixityReport verify_take(const fs::path& folder, const TakeVerifyOptions& gi
       [&](std::size_t i) {
         verify_camera(take, static_cast<int>(i), options, share, report.cameras[i]);
       });
+  if (options.decode) decode_camera_groups(take, options, report);
   report.status = options.stop.stop_requested() ? RunStatus::kStopped : RunStatus::kFinished;
   // The timeline depends on the frame tables: it can be checked only if these are intact.
   if (report.status == RunStatus::kFinished && options.depth != VerifyDepth::kSizes &&

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Encodes takes as video. Cameras are encoded in parallel, each as one sequence of pictures whose
-// groups begin with key frames; the frames then get the records of the source, with its times and
-// gaps between them. Input: a take; output: a new take of the same records. Cost: one encoding by
+// groups begin with key frames. Across cameras, the frames of an instant are such a sequence
+// (camera_order.h). The frames then get the records of the source, with its times and gaps between
+// them. Input: a take; output: a new take of the same records. Cost: one encoding by
 // the codec, one decoding of each frame by it and two as JPEG.
 #include "store/packing/pack_temporal.h"
 
@@ -10,7 +11,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -19,10 +19,10 @@
 #include "base/stopwatch.h"
 #include "schemas/rig_document.h"
 #include "store/fixity/manifest.h"
-#include "store/jpegxl/packed_frame.h"
+#include "store/packing/camera_order.h"
 #include "store/packing/copy_files.h"
+#include "store/packing/sequence_encoder.h"
 #include "store/packing/whole_archives.h"
-#include "store/temporal/group_decoder.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
@@ -36,8 +36,10 @@ double psnr_of(double mean_square_error) {
   return 10 * std::log10(255.0 * 255.0 / mean_square_error);
 }
 
-FrameCodec codec_of(const VideoSettings& video) {
-  return video.codec == VideoCodec::kHevc ? FrameCodec::kHevc : FrameCodec::kAv1;
+FrameCodec codec_of(const VideoSettings& video, References references) {
+  const bool is_hevc = video.codec == VideoCodec::kHevc;
+  if (references == References::kTime) return is_hevc ? FrameCodec::kHevc : FrameCodec::kAv1;
+  return is_hevc ? FrameCodec::kHevcCameras : FrameCodec::kAv1Cameras;
 }
 
 schemas::TakeDocument encoded_document(schemas::TakeDocument document) {
@@ -51,12 +53,12 @@ class TakeEncoder {
   TakeEncoder(const Take& take, const fs::path& folder, const Excerpt& excerpt, FrameCodec codec,
               const std::stop_token& stop)
       : take_(take),
-        folder_(folder),
         excerpt_(excerpt),
-        codec_(codec),
-        stop_(stop),
+        encoder_(take, folder, excerpt.video.value_or(VideoSettings{}), codec == FrameCodec::kJpeg,
+                 stop),
         writer_(folder, encoded_document(take.document()), schemas::read_rig(take.file("rig.json")),
-                codec) {
+                codec),
+        positions_(static_cast<std::size_t>(take.camera_count())) {
     for (int camera = 0; camera < take.camera_count(); ++camera) {
       const std::string& id = take.document().cameras[camera].id;
       require_whole_archive(take.archive(camera), id, take.folder());
@@ -73,158 +75,139 @@ class TakeEncoder {
 
   void encode_all(const std::function<void(double)>& progress) {
     const Stopwatch watch;
-    const int cameras = take_.camera_count();
-    const int threads = std::min(tbb::this_task_arena::max_concurrency(), cameras);
-    std::atomic<int> next = 0, done = 0;
-    parallel_for(0, threads, [&](int) {
-      for (int camera = next++; camera < cameras; camera = next++) {
-        encode_camera(camera);
-        if (progress) progress(static_cast<double>(++done) / cameras);
-      }
+    const bool is_across = excerpt_.references == References::kCameras;
+    std::vector<int> together, alone;
+    for (const int camera : serpentine_order(take_.rig())) {
+      (is_across && is_encoded(camera) ? together : alone).push_back(camera);
+    }
+    std::atomic<int> done = 0;
+    parallel_for_each(alone.size(), [&](std::size_t i) {
+      encode_camera(alone[i]);
+      if (progress) progress(++done / static_cast<double>(take_.camera_count()));
     });
+    encode_instants(together, progress);
     writer_.finish();
     report_.seconds = watch.seconds();
-    report_.encode_thread_seconds = static_cast<double>(encode_us_) / 1e6;
-    report_.decode_thread_seconds = static_cast<double>(decode_us_) / 1e6;
+    report_.encode_thread_seconds = encoder_.encode_thread_seconds();
+    report_.decode_thread_seconds = encoder_.decode_thread_seconds();
     report_.status = RunStatus::kFinished;
   }
 
   TemporalReport take_report() { return std::move(report_); }
 
  private:
-  /// Frames of a camera in the excerpt, and what was made of them, if they are encoded.
-  struct Sequence {
-    std::vector<int> frames;
-    std::vector<std::vector<std::byte>> stored, decoded;
+  /// How far the records of a camera are appended.
+  struct Position {
+    std::size_t record = 0;
+    int frame = 0;
   };
+
+  template <class Body>
+  static void parallel_for_each(std::size_t count, const Body& body) {
+    const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+    parallel_for_in_order(
+        count, threads, [] { return false; }, body);
+  }
 
   bool is_wanted(Nanoseconds time) const { return time >= excerpt_.first && time <= excerpt_.last; }
 
-  void require_not_stopped() const {
-    if (!stop_.stop_requested()) return;
-    throw Error::failed("packing was stopped", folder_.string(), "Start it again; no files remain");
-  }
-
-  Planes planes_of(int camera, int frame, JpegFixity* fixity) const {
-    const ArchiveReader& archive = take_.archive(camera);
-    const FrameBytes jpeg = archive.jpeg(frame);
-    if (fixity != nullptr) *fixity = fixity_of(jpeg);
-    const ArchiveWriter::Description& description = archive.description();
-    return planes_of_jpeg(
-        jpeg, description.width, description.height,
-        "frame " + std::to_string(frame) + " of camera \"" + description.camera_id + "\"");
+  bool is_encoded(int camera) const {
+    return excerpt_.video && std::ranges::find(excerpt_.unencoded_cameras, camera) ==
+                                 excerpt_.unencoded_cameras.end();
   }
 
   void encode_camera(int camera) {
     const ArchiveReader& archive = take_.archive(camera);
     Sequence sequence;
     for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
-      if (is_wanted(archive.frames()[i].time_ns)) sequence.frames.push_back(i);
+      if (is_wanted(archive.frames()[i].time_ns)) sequence.frames.push_back({camera, i});
     }
-    const bool is_encoded =
-        excerpt_.video &&
-        std::ranges::find(excerpt_.unencoded_cameras, camera) == excerpt_.unencoded_cameras.end();
-    if (is_encoded && !sequence.frames.empty()) {
-      const Stopwatch encoding;
-      encode(camera, sequence);
-      encode_us_ += std::llround(encoding.seconds() * 1e6);
-      const Stopwatch decoding;
-      compare(camera, sequence);
-      decode_us_ += std::llround(decoding.seconds() * 1e6);
-    }
-    append(camera, sequence);
+    if (is_encoded(camera) && !sequence.frames.empty()) encoder_.encode(sequence);
+    append(sequence);
+    finish(camera);
   }
 
-  void encode(int camera, Sequence& sequence) {
-    VideoEncoder encoder(*excerpt_.video);
-    std::vector<JpegFixity> sources;
-    for (const int frame : sequence.frames) {
-      require_not_stopped();
-      encoder.push(planes_of(camera, frame, &sources.emplace_back()));
-    }
-    FrameLink link;
-    for (const VideoPacket& packet : encoder.finish()) {
-      const std::size_t i = sequence.stored.size();
-      if (packet.is_key) link = {};
-      if (link.position >= kMaxGroupFrames) {
-        throw Error::failed("the encoder made a group of too many frames", folder_.string(),
-                            "Use shorter groups");
+  /// Encodes the instants of cameras in parallel, as many at once as there are threads, and appends
+  /// them in order. Cameras of other sizes are other sequences.
+  void encode_instants(std::vector<int> cameras, const std::function<void(double)>& progress) {
+    const auto size_of = [&](int camera) {
+      const auto& model = take_.rig().cameras[static_cast<std::size_t>(camera)].model;
+      return std::pair(model.width(), model.height());
+    };
+    std::ranges::stable_sort(cameras, {}, size_of);
+    for (auto begin = cameras.begin(); begin != cameras.end();) {
+      const auto end = std::find_if(begin, cameras.end(),
+                                    [&](int camera) { return size_of(camera) != size_of(*begin); });
+      const std::vector<int> alike(begin, end);
+      const auto instants = frames_by_instant(take_, alike, excerpt_.first, excerpt_.last);
+      const auto batch = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+      for (std::size_t first = 0; first < instants.size(); first += batch) {
+        std::vector<Sequence> sequences(std::min(batch, instants.size() - first));
+        parallel_for_each(sequences.size(), [&](std::size_t i) {
+          sequences[i].frames = instants[first + i];
+          encoder_.encode(sequences[i]);
+        });
+        for (const Sequence& sequence : sequences) append(sequence);
+        const double done = static_cast<double>(first) / static_cast<double>(instants.size());
+        if (progress) progress(done);
       }
-      link.source_bytes = sources[i].size;
-      link.source_xxh3 = sources[i].xxh3;
-      sequence.stored.push_back(make_temporal_frame(excerpt_.video->codec, link, packet.bytes));
-      ++link.position;
-      link.previous = hash_of_stored(sequence.stored.back());
+      for (const int camera : alike) finish(camera);
+      begin = end;
     }
   }
 
-  /// Decodes the groups as readers do and compares the pictures with their sources.
-  void compare(int camera, Sequence& sequence) {
-    const ArchiveWriter::Description& description = take_.archive(camera).description();
-    const int width = description.width, height = description.height;
-    TemporalReport::Camera& report = report_.cameras[static_cast<std::size_t>(camera)];
-    double sum = 0, worst = 0;
-    for (std::size_t begin = 0; begin < sequence.stored.size();) {
-      require_not_stopped();
-      std::vector<std::span<const std::byte>> group{sequence.stored[begin]};
-      while (begin + group.size() < sequence.stored.size() &&
-             !is_key_frame(sequence.stored[begin + group.size()])) {
-        group.emplace_back(sequence.stored[begin + group.size()]);
-      }
-      auto jpegs = decoder_.decode(excerpt_.video->codec, {width, height}, group, folder_);
-      for (std::size_t i = 0; i < jpegs.size(); ++i) {
-        const Planes decoded = planes_of_jpeg(jpegs[i], width, height, "a decoded frame");
-        const Planes source = planes_of(camera, sequence.frames[begin + i], nullptr);
-        const double error = mean_square_error(source, decoded, width, height);
-        sum += error;
-        worst = std::max(worst, error);
-      }
-      begin += group.size();
-      ++report.groups;
-      if (codec_ == FrameCodec::kJpeg) {
-        std::ranges::move(jpegs, std::back_inserter(sequence.decoded));
-      }
-    }
-    report.mean_square_error = sum / static_cast<double>(sequence.stored.size());
-    report.min_psnr_db = psnr_of(worst);
-  }
-
-  void append(int camera, const Sequence& sequence) {
-    const ArchiveReader& archive = take_.archive(camera);
-    TemporalReport::Camera& report = report_.cameras[static_cast<std::size_t>(camera)];
-    ArchiveWriter& to = writer_.archive(camera);
-    std::size_t next = 0;
-    for (const FrameRecord& record : archive.records()) {
-      if (!is_wanted(record.time_ns)) continue;
-      if (record.status != FrameStatus::kStored) {
-        to.append_again(record, {});
-        continue;
-      }
+  /// Appends the frames of a sequence, those of a camera in order. Threads may append frames of
+  /// different cameras.
+  void append(const Sequence& sequence) {
+    for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
+      const auto [camera, frame] = sequence.frames[i];
+      const FrameRecord& record = *append_gaps(camera, frame);
+      TemporalReport::Camera& report = report_.cameras[static_cast<std::size_t>(camera)];
       FrameBytes jpeg;
       std::span<const std::byte> stored;
-      if (!sequence.stored.empty()) {
-        stored = codec_ == FrameCodec::kJpeg ? sequence.decoded[next] : sequence.stored[next];
-      } else {
-        jpeg = archive.jpeg(sequence.frames[next]);
+      if (sequence.stored.empty()) {
+        jpeg = take_.archive(camera).jpeg(frame);
         stored = jpeg;
+      } else {
+        stored = sequence.decoded.empty() ? sequence.stored[i] : sequence.decoded[i];
+        report.groups += is_key_frame(sequence.stored[i]) ? 1 : 0;
+        // The mean of those so far; append() is the only one to change it.
+        report.mean_square_error += (sequence.errors[i] - report.mean_square_error) /
+                                    static_cast<double>(report.frames + 1);
+        const double psnr = psnr_of(sequence.errors[i]);
+        report.min_psnr_db = report.frames == 0 ? psnr : std::min(report.min_psnr_db, psnr);
       }
-      ++next;
-      to.append_again(record, stored);
+      writer_.archive(camera).append_again(record, stored);
       ++report.frames;
       report.bytes_before += record.size;
       report.bytes_after += stored.size();
     }
-    to.close();
+  }
+
+  void finish(int camera) {
+    append_gaps(camera, std::numeric_limits<int>::max());
+    writer_.archive(camera).close();
+  }
+
+  /// Appends the records of missing frames before a frame. Returns the frame's record; null after
+  /// the last.
+  const FrameRecord* append_gaps(int camera, int frame) {
+    Position& position = positions_[static_cast<std::size_t>(camera)];
+    const std::span<const FrameRecord> records = take_.archive(camera).records();
+    while (position.record < records.size()) {
+      const FrameRecord& record = records[position.record++];
+      const bool is_stored = record.status == FrameStatus::kStored;
+      if (is_stored && position.frame++ == frame) return &record;
+      if (!is_stored && is_wanted(record.time_ns)) writer_.archive(camera).append_again(record, {});
+    }
+    return nullptr;
   }
 
   const Take& take_;
-  const fs::path folder_;
   const Excerpt excerpt_;
-  const FrameCodec codec_;
-  const std::stop_token stop_;
+  SequenceEncoder encoder_;
   TakeWriter writer_;
-  GroupDecoder decoder_;
-  std::atomic<std::int64_t> encode_us_ = 0, decode_us_ = 0;
+  std::vector<Position> positions_;  // of each camera
   TemporalReport report_;
 };
 
@@ -267,7 +250,9 @@ TemporalReport pack_temporal(const Take& take, const fs::path& folder,
   everything.first = std::numeric_limits<Nanoseconds>::min();
   everything.last = std::numeric_limits<Nanoseconds>::max();
   everything.video = options.video;
-  TakeEncoder encoder(take, folder, everything, codec_of(options.video), options.stop);
+  everything.references = options.references;
+  TakeEncoder encoder(take, folder, everything, codec_of(options.video, options.references),
+                      options.stop);
   encoder.encode_all(options.progress);
   const fs::path& working = encoder.writer().working_folder();
   copy_other_files(take.folder(), working, Direction::kPack);

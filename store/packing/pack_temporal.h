@@ -16,9 +16,16 @@
 
 namespace raystage::store {
 
+/// Which frames a frame may be predicted from.
+enum class References {
+  kTime,    ///< earlier ones of its camera
+  kCameras  ///< those of the cameras before it in serpentine order, of its instant
+};
+
 /// How the frames of a take are encoded as video.
 struct TemporalOptions {
   VideoSettings video;
+  References references = References::kTime;
   std::function<void(double)> progress;  ///< called with the share done, 0 to 1
   std::stop_token stop;
 };
@@ -28,7 +35,7 @@ struct TemporalReport {
   struct Camera {
     std::string id;
     std::int64_t frames = 0;         ///< stored
-    std::int64_t groups = 0;         ///< that are decoded without others
+    std::int64_t groups = 0;         ///< that begin with a frame of the camera
     std::uint64_t bytes_before = 0;  ///< of the frames, as stored in the source
     std::uint64_t bytes_after = 0;   ///< of the frames, as stored in the new take
     /// Of the decoded pictures against the source's Y'CbCr samples in 4:2:0, mean square error over
@@ -49,8 +56,9 @@ struct TemporalReport {
 /// decoded again as readers do, and compared. Times, gaps and their reasons are those of the
 /// source; all its other files are copied, but hidden ones and depth/; its manifest becomes
 /// original/manifest.sha256. The source is not modified; the new take gets its name when it is
-/// complete. Memory: an encoder and the encoded frames of one camera per thread. Throws as
-/// pack_take(), and Error (bad input) if the take is temporal already or a frame is damaged.
+/// complete. Memory: an encoder and the encoded frames of one camera, or of an instant, per thread.
+/// Throws as pack_take(), and Error (bad input) if the take is temporal already or a frame is
+/// damaged.
 TemporalReport pack_temporal(const Take& take, const std::filesystem::path& folder,
                              const TemporalOptions& options);
 
@@ -59,6 +67,7 @@ struct Excerpt {
   Nanoseconds first = 0, last = 0;          ///< since the take's epoch; frames at both are included
   std::optional<VideoSettings> video;       ///< nullopt: frames as they are read from the take
   std::vector<int> unencoded_cameras = {};  ///< whose frames are as read in any case
+  References references = References::kTime;
 };
 
 /// Writes a take of the frames of some time only, as readers get them after encoding: JPEG. It has

@@ -2,15 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures bytes a frame against the quality of rendered views: JPEG, JPEG XL without loss, HEVC and AV1.
 
-Simulates takes with sensor noise at some JPEG qualities, packs that of the best in all ways, and renders the noise-free truth views
-by `depth` from each. The loss of a codec is in dB of PSNR below the views from the JPEG of the best quality. Prints a table: bytes a
-frame, times smaller than that JPEG, bits a pixel, PSNR of the views, loss, and the wall time of decoding a view's frames with empty
-caches. References: the thesis states 118:1 for vector quantisation with LZW of a light field (Levoy and Hanrahan), and 22:1 for its
-own JPEG, both against RGB of 24 bits a pixel; the column "of RGB" compares.
+For each set of pictures, makes a take of the frames as recorded, packs it in all ways, and renders a few views with truth by `depth` from
+each. Prints a table: bytes a frame as stored, times smaller than the recording, bits a pixel, PSNR of the views, loss against the views
+from the recording, PSNR of the frames, milliseconds of decoding for a view (with empty caches: a view of an encoded take waits for whole
+groups) and for encoding a frame, one thread. References: the thesis states 118:1 for vector quantisation with LZW of a light field (Levoy
+and Hanrahan), and 22:1 for its own JPEG, both against RGB of 24 bits a pixel; the column "of RGB" compares.
 
-usage: RAYSTAGE_BIN_DIR=build/check/bin rate_distortion.py [--take FOLDER --views FILE] [--chart FILE.svg] [--work FOLDER]
-       [--av1 CRF...] [--hevc CRF...] [--group N]
---take: a take and its views document in place of the simulation; without JPEG of lower qualities.
+Sets: simulated (the stage with sensor noise 0.02 and noise-free truth, JPEG also of lower qualities), shop, stanford_chess9x9, stage and
+four_webcams of DATA (default: $RAYSTAGE_DATA or ../shared/data); missing ones are skipped. Views of four_webcams are frames of a camera
+that is left out.
+
+usage: RAYSTAGE_BIN_DIR=build/check/bin rate_distortion.py [--sets SET...] [--data DATA] [--chart FILE.svg] [--work FOLDER]
+--work: a folder for the takes, in which results of an earlier run are used again.
 """
 
 import argparse
@@ -22,10 +25,19 @@ import subprocess
 import sys
 import tempfile
 
-QUALITIES = (95, 75, 50, 20)
 SIMULATION = ("--rows", 5, "--columns", 5, "--width", 480, "--height", 360, "--seconds", 0.8, "--noise", 0.02,
               "--startup-loss-seconds", 0, "--drop", 0.01, "--truth-views", 4)
 COLOURS = {"JPEG": "#666666", "JPEG XL": "#000000", "HEVC": "#c0392b", "AV1": "#2471a3"}
+# Of each set: options of `evaluate` that choose up to four views, and (codec, references, rate factors).
+SETS = {
+    "simulated": ((), (("hevc", "time", (24, 32)), ("av1", "time", (32, 44, 56)), ("hevc", "cameras", (32,)), ("av1", "cameras", (44,)))),
+    "shop": ((), (("hevc", "none", (24,)), ("av1", "none", (32,)), ("hevc", "cameras", (24, 32)), ("av1", "cameras", (32, 44)))),
+    "stanford_chess9x9": (("--view-step", 14),
+                          (("hevc", "none", (24,)), ("av1", "none", (32,)), ("hevc", "cameras", (24, 32)), ("av1", "cameras", (32, 44)))),
+    "stage": (("--view-step", 7), (("hevc", "time", (24,)), ("av1", "time", (32, 44)), ("hevc", "cameras", (24,)), ("av1", "cameras", (32,)))),
+    "four_webcams": (("--exclude-cameras", "cam_1", "--view-step", 19),
+                     (("hevc", "time", (24,)), ("av1", "time", (32, 44)), ("av1", "cameras", (32,)))),
+}
 
 
 def run(*arguments):
@@ -40,6 +52,22 @@ def simulate(take, quality):
         run("sync", take, "-q")
 
 
+def make_take(name, data, work):
+    """Returns the take of a set as recorded, and its views document (None: views of a camera that is left out)."""
+    take = work / "recorded"
+    if name == "simulated":
+        simulate(take, 95)
+        return take, take / "views.json"
+    if not take.exists():
+        imported = work / "imported" if name == "stage" else take
+        run("import", data / name / "import.json", "-o", imported, "--restart-markers", "-q")
+        if name == "stage":  # free-running cameras: every frame is moved to the ticks of the truth
+            run("sync", imported, "-q", "-o", take, "--fps", 15, "--tick-at", 0.233333333, "--retime", "flow")
+        elif name == "four_webcams":
+            run("sync", take, "-q")
+    return take, None if name == "four_webcams" else data / name / "views.json"
+
+
 def frame_bytes(take):
     """Returns the stored bytes of all frames, their number, and the pixels of one."""
     cameras = json.loads(run("info", take, "--json"))["cameras"]
@@ -47,92 +75,130 @@ def frame_bytes(take):
             sum(camera["frames"] for camera in cameras), cameras[0]["width"] * cameras[0]["height"])
 
 
-def evaluate(take, views, work):
-    run("evaluate", take, views, "--method", "depth", "--no-pixel-counts", "-q", "--json", work / "evaluation.json")
-    mean = json.loads((work / "evaluation.json").read_text())["mean"]
+def evaluate(take, views, chosen):
+    result = take.parent / (take.name + ".evaluation.json")
+    if not result.exists():
+        run("evaluate", take, *([views] if views else []), *chosen, "--method", "depth", "--no-pixel-counts", "-q", "--json", result)
+    mean = json.loads(result.read_text())["mean"]
     return mean["psnr_db"], mean["decode_ms"]
 
 
-def measure(codec, setting, take, views, work, points):
-    size, frames, pixels = frame_bytes(take)
-    psnr, decode_ms = evaluate(take, views, work)
-    points.append({"codec": codec, "setting": setting, "bytes": size / frames, "pixels": pixels, "psnr": psnr, "decode_ms": decode_ms})
-    first = points[0]
-    print(f"| {codec} | {setting} | {size / frames:.0f} | {first['bytes'] / (size / frames):.1f} | {3 * pixels * frames / size:.1f} | "
-          f"{8 * size / frames / pixels:.3f} | {psnr:.2f} | {first['psnr'] - psnr:.2f} | {decode_ms:.0f} |", flush=True)
+class Table:
+    """The rows of one set; `packed` is what `pack --json` said, or None."""
+
+    def __init__(self, name, views, chosen):
+        self.name, self.views, self.chosen, self.points = name, views, chosen, []
+
+    def measure(self, codec, setting, take, packed=None):
+        size, frames, pixels = frame_bytes(take)
+        psnr, decode_ms = evaluate(take, self.views, self.chosen)
+        self.points.append({"set": self.name, "codec": codec, "bytes": size / frames, "pixels": pixels, "psnr": psnr,
+                            "is_across": ", cameras" in setting})
+        first = self.points[0]
+        own = ("", "") if packed is None else (f"{packed['psnr_db']:.1f}", f"{1000 * packed['encode_thread_seconds'] / frames:.0f}")
+        loss = "" if len(self.points) == 1 else f"{first['psnr'] - psnr:.2f}"
+        print(f"| {self.name} | {codec}{setting} | {size / frames:.0f} | {first['bytes'] / (size / frames):.1f} | "
+              f"{3 * pixels * frames / size:.1f} | {8 * size / frames / pixels:.3f} | {psnr:.2f} | {loss} | {own[0]} | {decode_ms:.0f} | "
+              f"{own[1]} |", flush=True)
 
 
-def chart_of(points, title):
-    width, height, left, bottom = 760, 420, 60, 50
+def measure_set(name, data, work):
+    work.mkdir(parents=True, exist_ok=True)
+    chosen, settings = SETS[name]
+    take, views = make_take(name, data, work)
+    table = Table(name, views, chosen)
+    table.measure("JPEG", ", as recorded", take)
+    for quality in (50,) if name == "simulated" else ():
+        simulate(work / f"jpeg{quality}", quality)
+        table.measure("JPEG", f", quality {quality}", work / f"jpeg{quality}")
+    if not (work / "packed").exists():
+        run("pack", take, "-o", work / "packed", "-q")
+    table.measure("JPEG XL", ", without loss", work / "packed")
+    for codec, references, factors in settings:
+        for crf in factors:
+            packed = work / f"{codec}_{references}_{crf}"
+            report = work / (packed.name + ".json")
+            if not packed.exists():
+                report.write_text(run("pack", take, "-o", packed, "-q", "--json", "--temporal", codec, "--references", references,
+                                      "--crf", crf))
+            table.measure(codec.upper(), f", {references}, rate factor {crf}", packed, json.loads(report.read_text()))
+    return table.points
 
-    low_x, high_x = (math.log10(f(point["bytes"] for point in points)) for f in (min, max))
-    low, high = min(point["psnr"] for point in points) - 0.5, max(point["psnr"] for point in points) + 0.5
 
-    def place(point):
-        return (left + 15 + (width - left - 50) * (math.log10(point["bytes"]) - low_x) / max(high_x - low_x, 1e-9),
-                20 + (height - bottom - 20) * (high - point["psnr"]) / (high - low))
+PANEL = (380, 250)  # width and height of a set's chart
 
-    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="13">'
+
+def panel_of(name, points, left, top):
+    """Returns a set's chart: bits a pixel (logarithmic) against PSNR of views, with the thesis' ratios."""
+    width, height = PANEL
+    bits = [8 * point["bytes"] / point["pixels"] for point in points]
+    ratios = {"118:1": 24 / 118, "22:1": 24 / 22}
+    low_x, high_x = math.log10(min(*bits, *ratios.values()) / 1.3), math.log10(max(*bits, *ratios.values()) * 1.3)
+    values = [point["psnr"] for point in points]
+    low, high = min(values) - 0.3, max(values) + 0.3
+
+    def place(bit, psnr):
+        return (left + 45 + (width - 65) * (math.log10(bit) - low_x) / (high_x - low_x), top + 30 + (height - 80) * (high - psnr) / (high - low))
+
+    right, bottom = place(10**high_x, low)
+    parts = [f'<text x="{left + 45}" y="{top + 18}" font-weight="bold">{name}</text>',
+             f'<rect x="{left + 45}" y="{top + 30}" width="{right - left - 45:.1f}" height="{bottom - top - 30:.1f}" fill="none" stroke="#bbbbbb"/>']
+    step = 0.5 if high - low < 3 else 1 if high - low < 6 else 2
+    for number in range(math.ceil(low / step), math.floor(high / step) + 1):
+        y = place(1, number * step)[1]
+        parts.append(f'<line x1="{left + 45}" x2="{right:.1f}" y1="{y:.1f}" y2="{y:.1f}" stroke="#e4e4e4"/>'
+                     f'<text x="{left + 41}" y="{y + 4:.1f}" text-anchor="end">{number * step:g}</text>')
+    for bit in (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10):
+        if low_x <= math.log10(bit) <= high_x:
+            parts.append(f'<text x="{place(bit, low)[0]:.1f}" y="{bottom + 15:.1f}" text-anchor="middle">{bit:g}</text>')
+    for label, bit in ratios.items():
+        x = place(bit, low)[0]
+        parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{top + 30}" y2="{bottom:.1f}" stroke="#888888" stroke-dasharray="4 3"/>'
+                     f'<text x="{x + 3:.1f}" y="{bottom - 4:.1f}" fill="#888888">{label}</text>')
+    for bit, point in zip(bits, points):
+        x, y = place(bit, point["psnr"])
+        colour = COLOURS[point["codec"]]
+        fill = "#ffffff" if point["is_across"] else colour
+        parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{fill}" stroke="{colour}" stroke-width="1.5"/>')
+    return parts
+
+
+def chart_of(sets):
+    columns = 2
+    width, height = columns * PANEL[0] + 10, -(-(len(sets) + 1) // columns) * PANEL[1] + 10
+    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="12">'
              f'<rect width="{width}" height="{height}" fill="#ffffff"/>']
-    for psnr in range(math.ceil(low), int(high) + 1):
-        y = place({"bytes": 1, "psnr": psnr})[1]
-        parts.append(f'<line x1="{left}" x2="{width - 20}" y1="{y:.1f}" y2="{y:.1f}" stroke="#dddddd"/>'
-                     f'<text x="{left - 8}" y="{y + 4:.1f}" text-anchor="end">{psnr}</text>')
-    for size in (500, 1000, 2000, 5000, 10000, 20000, 50000, 100000, 200000, 500000):
-        if low_x <= math.log10(size) <= high_x:
-            x = place({"bytes": size, "psnr": low})[0]
-            parts.append(f'<text x="{x:.1f}" y="{height - bottom + 18}" text-anchor="middle">{size:,}</text>')
+    for number, (name, points) in enumerate(sets.items()):
+        parts += panel_of(name, points, number % columns * PANEL[0], number // columns * PANEL[1])
+    left, top = len(sets) % columns * PANEL[0] + 60, len(sets) // columns * PANEL[1] + 50
     for number, (codec, colour) in enumerate(COLOURS.items()):
-        own = sorted((point for point in points if point["codec"] == codec), key=lambda point: point["bytes"])
-        line = " ".join("{:.1f},{:.1f}".format(*place(point)) for point in own)
-        parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
-        for point in own:
-            x, y = place(point)
-            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}"/>')
-        parts.append(f'<text x="{width - 120}" y="{height - bottom - 80 + 20 * number}" fill="{colour}">{codec}</text>')
-    parts.append(f'<text x="{width / 2}" y="{height - 8}" text-anchor="middle">bytes a frame, {title}</text>'
-                 f'<text x="16" y="{height / 2}" transform="rotate(-90 16 {height / 2})" text-anchor="middle">PSNR of views, dB</text></svg>')
-    return "\n".join(parts) + "\n"
+        parts.append(f'<circle cx="{left}" cy="{top + 22 * number - 4}" r="4" fill="{colour}"/><text x="{left + 12}" y="{top + 22 * number}">{codec}</text>')
+    for number, line in enumerate(("Hollow: references across cameras", "Horizontal: bits a pixel; vertical: PSNR of views, dB",
+                                   "Dashed: ratios of the thesis to RGB of 24 bits a pixel")):
+        parts.append(f'<text x="{left - 6}" y="{top + 22 * (len(COLOURS) + number)}">{line}</text>')
+    return "\n".join(parts) + "\n</svg>\n"
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--take", type=pathlib.Path)
-    parser.add_argument("--views", type=pathlib.Path)
+    parser.add_argument("--sets", nargs="*", choices=SETS, default=list(SETS))
+    parser.add_argument("--data", type=pathlib.Path, default=pathlib.Path(os.environ.get("RAYSTAGE_DATA", "../shared/data")))
     parser.add_argument("--chart", type=pathlib.Path)
     parser.add_argument("--work", type=pathlib.Path)
-    parser.add_argument("--av1", type=int, nargs="*", default=(24, 32, 40, 48, 56))
-    parser.add_argument("--hevc", type=int, nargs="*", default=(20, 24, 28, 32, 36))
-    parser.add_argument("--group", type=int, default=12)
     options = parser.parse_args()
-    if (options.take is None) != (options.views is None):
-        sys.exit("rate_distortion.py: give both a take and its views document, or neither")
     with tempfile.TemporaryDirectory() as folder:
         work = options.work or pathlib.Path(folder)
-        work.mkdir(exist_ok=True)
-        points = []
-        print("| codec | setting | bytes a frame | times smaller | of RGB | bits a pixel | views, dB | loss, dB | decoding, ms a view |")
-        print("| --- | --- | --: | --: | --: | --: | --: | --: | --: |")
-        take, views = options.take, options.views
-        if take is None:
-            take = work / f"jpeg{QUALITIES[0]}"
-            simulate(take, QUALITIES[0])
-            views = take / "views.json"
-        measure("JPEG", f"quality {QUALITIES[0]}" if options.take is None else "as recorded", take, views, work, points)
-        for quality in QUALITIES[1:] if options.take is None else ():
-            simulate(work / f"jpeg{quality}", quality)
-            measure("JPEG", f"quality {quality}", work / f"jpeg{quality}", views, work, points)
-        if not (work / "packed").exists():
-            run("pack", take, "-o", work / "packed", "-q")
-        measure("JPEG XL", "without loss", work / "packed", views, work, points)
-        for codec, factors in (("HEVC", options.hevc), ("AV1", options.av1)):
-            for crf in factors:
-                packed = work / f"{codec.lower()}{crf}"
-                if not packed.exists():
-                    run("pack", take, "-o", packed, "-q", "--temporal", codec.lower(), "--crf", crf, "--group", options.group)
-                measure(codec, f"rate factor {crf}", packed, views, work, points)
+        measured = {}
+        print("| set | frames | bytes a frame | times smaller | of RGB | bits a pixel | views, dB | loss, dB | frames, dB | decoding, ms a view | "
+              "encoding, ms a frame |")
+        print("| --- | --- | --: | --: | --: | --: | --: | --: | --: | --: | --: |")
+        for name in options.sets:
+            if name != "simulated" and not (options.data / name / "import.json").exists():
+                print(f"{options.data / name} has no import.json: skipped", file=sys.stderr)
+                continue
+            measured[name] = measure_set(name, options.data, work / name)
         if options.chart:
-            options.chart.write_text(chart_of(points, take.name if options.take else "simulated stage, sensor noise 0.02"))
+            options.chart.write_text(chart_of(measured))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finds the frames of a group in the archives of a take. A frame names the one before it by XXH3
+// (store/temporal/temporal_frame.h). The journals hold the XXH3 of all frames: where a group is
+// intact, the frame before is among those of its time, otherwise all frames are searched once.
+// Cost: a binary search per camera, and reading the frames of the group.
+#include "store/camera_groups.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "base/error.h"
+#include "store/temporal/temporal_frame.h"
+
+namespace raystage::store {
+namespace {
+
+/// Returns an archive; null if it cannot be read: its frames are lost.
+const ArchiveReader* readable_archive(const TakeArchives& take, int camera) {
+  const ArchiveReader* archive = nullptr;
+  try {
+    archive = &take.archive(camera);
+  } catch (const Error& error) {
+    if (error.exit_code() != ExitCode::kBadInput) throw;
+    return nullptr;
+  }
+  if (!archive->is_remote()) return archive;
+  throw Error::failed("frames of the take refer to camera \"" + archive->description().camera_id +
+                          "\", whose archive is on another host",
+                      "", "Put the take in a folder that every host can read");
+}
+
+/// Returns whether the frames of two archives can be in one group.
+bool is_alike(const ArchiveReader& a, const ArchiveReader& b) {
+  const auto &one = a.description(), &other = b.description();
+  return one.codec == other.codec && one.width == other.width && one.height == other.height;
+}
+
+/// Returns the XXH3 of a frame's stored bytes; of those in the archive where the record was lost.
+std::optional<std::uint64_t> hash_of(const ArchiveReader& archive, int frame) {
+  const std::uint64_t recorded = archive.frames()[static_cast<std::size_t>(frame)].xxh3;
+  if (recorded != 0) return recorded;
+  const auto bytes = archive.intact_stored(frame);
+  return bytes ? std::optional(hash_of_stored(*bytes)) : std::nullopt;
+}
+
+/// Returns the intact frame before the first of a group in reverse order, by the XXH3 that it
+/// states.
+std::optional<GroupMember> find_before(const TakeArchives& take, const GroupMember& member,
+                                       const FrameLink& link) {
+  const ArchiveReader& own = take.archive(member.camera);
+  const Nanoseconds time = own.frames()[static_cast<std::size_t>(member.frame)].time_ns;
+  const auto intact_member = [&](int camera, int frame) -> std::optional<GroupMember> {
+    auto bytes = take.archive(camera).intact_stored(frame);
+    const auto before = bytes ? read_frame_link(*bytes) : std::nullopt;
+    if (!before || before->position + 1 != link.position ||
+        hash_of_stored(*bytes) != link.previous) {
+      return std::nullopt;
+    }
+    return GroupMember{camera, frame, *std::move(bytes)};
+  };
+  for (const bool everywhere : {false, true}) {
+    for (int camera = 0; camera < take.camera_count(); ++camera) {
+      const ArchiveReader* const other = readable_archive(take, camera);
+      if (camera == member.camera || other == nullptr || !is_alike(own, *other)) continue;
+      const ArchiveReader& archive = *other;
+      const auto nearest = archive.nearest_frame(time);
+      if (!nearest) continue;
+      const auto count = static_cast<int>(archive.frames().size());
+      const int first = everywhere ? 0 : std::max(0, *nearest - 1);
+      const int end = everywhere ? count : std::min(count, *nearest + 2);
+      for (int frame = first; frame < end; ++frame) {
+        // Without records, frames far away are not read for every one that is lost.
+        const bool is_unknown =
+            everywhere && archive.frames()[static_cast<std::size_t>(frame)].xxh3 == 0;
+        if (is_unknown || hash_of(archive, frame) != link.previous) continue;
+        if (auto found = intact_member(camera, frame)) return found;
+      }
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::vector<GroupMember> group_up_to(const TakeArchives& take, int camera, int frame) {
+  std::vector<GroupMember> group;
+  auto bytes = take.archive(camera).intact_stored(frame);
+  if (!bytes) return {};
+  group.push_back({camera, frame, *std::move(bytes)});
+  for (;;) {
+    const auto link = read_frame_link(group.back().bytes);
+    if (!link || group.size() > kMaxGroupFrames) return {};
+    if (link->position == 0) break;
+    auto before = find_before(take, group.back(), *link);
+    if (!before) return {};
+    group.push_back(*std::move(before));
+  }
+  std::ranges::reverse(group);
+  return group;
+}
+
+void extend_group(const TakeArchives& take, std::vector<GroupMember>& group) {
+  const ArchiveReader& own = take.archive(group.front().camera);
+  const Nanoseconds time = own.frames()[static_cast<std::size_t>(group.front().frame)].time_ns;
+  std::vector<GroupMember> others;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const ArchiveReader* const archive = readable_archive(take, camera);
+    const bool is_member = std::ranges::find(group, camera, &GroupMember::camera) != group.end();
+    if (is_member || archive == nullptr || !is_alike(own, *archive)) continue;
+    const auto nearest = archive->nearest_frame(time);
+    if (!nearest) continue;
+    if (auto bytes = archive->intact_stored(*nearest)) {
+      others.push_back({camera, *nearest, *std::move(bytes)});
+    }
+  }
+  while (group.size() < kMaxGroupFrames) {
+    const std::uint64_t last = hash_of_stored(group.back().bytes);
+    const auto next = std::ranges::find_if(others, [&](const GroupMember& other) {
+      const auto link = read_frame_link(other.bytes);
+      return link && link->position == group.size() && link->previous == last;
+    });
+    if (next == others.end()) break;
+    group.push_back(*std::move(next));
+    others.erase(next);
+  }
+}
+
+}  // namespace raystage::store

@@ -94,6 +94,7 @@ MeasuredLoss search(const store::Take& take, const std::string& output,
 nlohmann::ordered_json json_of(const Camera& camera) {
   return {{"frames", camera.frames},
           {"groups", camera.groups},
+          {"frames_in_444", camera.frames_in_444},
           {"bytes_before", camera.bytes_before},
           {"bytes_after", camera.bytes_after},
           {"mean_square_error", camera.mean_square_error},
@@ -141,11 +142,14 @@ void print_text(const PackCommandOptions& common, References references,
         common.output, report.cameras.size(), total.frames,
         static_cast<double>(total.bytes_before) / kMegabyte,
         static_cast<double>(total.bytes_after) / kMegabyte, ratio(total));
-  print("Codec      {}, rate factor {}, {} groups of up to {} {}\n", store::name_of(video.codec),
+  print("Codec      {} {}, rate factor {}, {} groups of up to {} {}\n", store::name_of(video.codec),
+        total.frames_in_444 == 0              ? "4:2:0"
+        : total.frames_in_444 == total.frames ? "4:4:4"
+                                              : "4:4:4 and 4:2:0",
         video.crf, total.groups, video.group_frames,
         references == References::kCameras ? "cameras" : "frames");
   if (total.frames == 0) return;
-  print("Frames     PSNR {} against the source's Y'CbCr 4:2:0, the worst {}\n",
+  print("Frames     PSNR {} against the source's Y'CbCr samples, the worst {}\n",
         decibels(report.psnr_db()), decibels(total.min_psnr_db));
   if (loss) {
     print("Views      {:.3f} dB lost of {:.2f} dB PSNR (allowed: {} dB); truth: {}\n",
@@ -162,8 +166,10 @@ void print_text(const PackCommandOptions& common, References references,
 void add_temporal_options(CommandLine& command, TemporalCommandOptions& options) {
   CommandLine group = command.group("Lossy, as video");
   group
-      .option("--temporal", options.codec,
-              "Encode the frames as HEVC (x265) or AV1 (SVT-AV1), 8 bits, 4:2:0: lossy")
+      .option(
+          "--temporal", options.codec,
+          "Encode the frames as HEVC (x265; 4:4:4 where the JPEGs are) or AV1 (SVT-AV1; 4:2:0), 8 "
+          "bits: lossy")
       .one_of({"hevc", "av1"});
   group.choice(
       "--references", options.references,

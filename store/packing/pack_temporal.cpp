@@ -171,6 +171,7 @@ class TakeEncoder {
       } else {
         stored = sequence.decoded.empty() ? sequence.stored[i] : sequence.decoded[i];
         report.groups += is_key_frame(sequence.stored[i]) ? 1 : 0;
+        report.frames_in_444 += sequence.chroma == ChromaStep::k444 ? 1 : 0;
         // The mean of those so far; append() is the only one to change it.
         report.mean_square_error += (sequence.errors[i] - report.mean_square_error) /
                                     static_cast<double>(report.frames + 1);
@@ -231,6 +232,7 @@ TemporalReport::Camera TemporalReport::total() const {
   for (const Camera& camera : cameras) {
     sum.frames += camera.frames;
     sum.groups += camera.groups;
+    sum.frames_in_444 += camera.frames_in_444;
     sum.bytes_before += camera.bytes_before;
     sum.bytes_after += camera.bytes_after;
     squares += camera.mean_square_error * static_cast<double>(camera.frames);

@@ -36,10 +36,11 @@ struct TemporalReport {
     std::string id;
     std::int64_t frames = 0;         ///< stored
     std::int64_t groups = 0;         ///< that begin with a frame of the camera
+    std::int64_t frames_in_444 = 0;  ///< encoded in 4:4:4; the others in 4:2:0
     std::uint64_t bytes_before = 0;  ///< of the frames, as stored in the source
     std::uint64_t bytes_after = 0;   ///< of the frames, as stored in the new take
-    /// Of the decoded pictures against the source's Y'CbCr samples in 4:2:0, mean square error over
-    /// all samples of a frame, full scale 255. 0 and infinity of no frames.
+    /// Of the decoded pictures against the source's Y'CbCr samples in the same chroma sampling,
+    /// mean square error over all samples of a frame, full scale 255. 0 and infinity of no frames.
     double mean_square_error = 0, min_psnr_db = 0;
   };
   std::vector<Camera> cameras;

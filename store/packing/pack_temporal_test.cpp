@@ -174,6 +174,15 @@ TEST_P(PackTemporalTest, WithoutReferencesEveryFrameIsAGroup) {
   EXPECT_FALSE(Take(path("packed")).archive(1).is_rotten(7));
 }
 
+TEST_P(PackTemporalTest, HevcKeepsFullChroma) {
+  const TemporalReport report = pack();  // of JPEGs in 4:4:4
+  const bool is_444 = GetParam() == VideoCodec::kHevc;
+  EXPECT_EQ(report.total().frames_in_444, is_444 ? kRow * kPictures : 0);
+  const Take packed(path("packed"));
+  EXPECT_EQ(chroma_of_jpeg(packed.archive(0).jpeg(5), "decoded"),
+            is_444 ? ChromaStep::k444 : ChromaStep::k420);
+}
+
 TEST_P(PackTemporalTest, FlippedBitsAreFound) {
   pack();
   const fs::path file = path("packed") / "archive" / "c0.mkv";

@@ -25,14 +25,16 @@ void SequenceEncoder::require_not_stopped() const {
   throw Error::failed("packing was stopped", folder_.string(), "Start it again; no files remain");
 }
 
-Planes SequenceEncoder::planes_of(const FrameRef& frame, JpegFixity* fixity) const {
-  const ArchiveReader& archive = take_.archive(frame.camera);
-  const FrameBytes jpeg = archive.jpeg(frame.frame);
-  if (fixity != nullptr) *fixity = fixity_of(jpeg);
-  const ArchiveWriter::Description& description = archive.description();
+FrameBytes SequenceEncoder::jpeg_of(const FrameRef& frame) const {
+  return take_.archive(frame.camera).jpeg(frame.frame);
+}
+
+Planes SequenceEncoder::planes_of(const FrameRef& frame, const FrameBytes& jpeg,
+                                  ChromaStep chroma) const {
+  const ArchiveWriter::Description& camera = take_.archive(frame.camera).description();
   return planes_of_jpeg(
-      jpeg, description.width, description.height,
-      "frame " + std::to_string(frame.frame) + " of camera \"" + description.camera_id + "\"");
+      jpeg, camera.width, camera.height,
+      "frame " + std::to_string(frame.frame) + " of camera \"" + camera.camera_id + "\"", chroma);
 }
 
 void SequenceEncoder::encode(Sequence& sequence) const {
@@ -49,7 +51,12 @@ void SequenceEncoder::make_frames(Sequence& sequence) const {
   std::vector<JpegFixity> sources;
   for (const FrameRef& frame : sequence.frames) {
     require_not_stopped();
-    encoder.push(planes_of(frame, &sources.emplace_back()));
+    const FrameBytes jpeg = jpeg_of(frame);
+    if (sources.empty() && can_encode_444(video_.codec)) {
+      sequence.chroma = chroma_of_jpeg(jpeg, "the first frame of a sequence");
+    }
+    sources.push_back(fixity_of(jpeg));
+    encoder.push(planes_of(frame, jpeg, sequence.chroma));
   }
   FrameLink link;
   for (const VideoPacket& packet : encoder.finish()) {
@@ -80,8 +87,9 @@ void SequenceEncoder::compare(Sequence& sequence) const {
     auto jpegs = decoder_.decode(video_.codec, {camera.width, camera.height}, group, folder_);
     for (std::size_t i = 0; i < jpegs.size(); ++i) {
       const Planes decoded =
-          planes_of_jpeg(jpegs[i], camera.width, camera.height, "a decoded frame");
-      const Planes source = planes_of(sequence.frames[begin + i], nullptr);
+          planes_of_jpeg(jpegs[i], camera.width, camera.height, "a decoded frame", sequence.chroma);
+      const FrameRef& frame = sequence.frames[begin + i];
+      const Planes source = planes_of(frame, jpeg_of(frame), sequence.chroma);
       sequence.errors.push_back(mean_square_error(source, decoded, camera.width, camera.height));
     }
     begin += group.size();

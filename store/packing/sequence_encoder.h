@@ -20,6 +20,7 @@ struct Sequence {
   std::vector<std::vector<std::byte>> stored;   ///< temporal frames; empty: not encoded
   std::vector<std::vector<std::byte>> decoded;  ///< JPEGs as readers get them, if they are kept
   std::vector<double> errors;                   ///< mean square error of each, full scale 255
+  ChromaStep chroma = ChromaStep::k420;         ///< of the encoded pictures
 };
 
 /// Encodes sequences of a take's frames, decodes their groups again as readers do, and compares the
@@ -30,7 +31,8 @@ class SequenceEncoder {
   SequenceEncoder(const Take& take, std::filesystem::path folder, const VideoSettings& video,
                   bool keeps_decoded, std::stop_token stop);
 
-  /// Fills in the results of `sequence`, whose frames are of one size. Throws Error (failed) if it
+  /// Fills in the results of `sequence`, whose frames are of one size, in 4:4:4 if the first is and
+  /// the encoder takes it. Throws Error (failed) if it
   /// is stopped or an encoder fails, and Error (bad input) if a frame is damaged.
   void encode(Sequence& sequence) const;
 
@@ -40,7 +42,8 @@ class SequenceEncoder {
 
  private:
   void require_not_stopped() const;
-  Planes planes_of(const FrameRef& frame, JpegFixity* fixity) const;
+  FrameBytes jpeg_of(const FrameRef& frame) const;
+  Planes planes_of(const FrameRef& frame, const FrameBytes& jpeg, ChromaStep chroma) const;
   void make_frames(Sequence& sequence) const;
   void compare(Sequence& sequence) const;
 

@@ -25,15 +25,15 @@ std::uint64_t pixels_of(GroupDecoder::Size size) {
          static_cast<std::uint64_t>(std::max(size.height, 64));
 }
 
-/// Up to 17 reference pictures and their motion of 16 bytes a pixel, and JPEGs of up to 4 bytes.
+/// Up to 17 reference pictures and their motion of 16 bytes a pixel, and JPEGs of up to 6 bytes.
 sandbox::DecoderOptions group_decoder_options(std::uint64_t pixels) {
-  constexpr std::uint64_t kBytesPerPixel = 17 * 16 + 4 * kMaxGroupFrames;
+  constexpr std::uint64_t kBytesPerPixel = 17 * 16 + 6 * kMaxGroupFrames;
   sandbox::DecoderOptions options;
   options.program = "raystage-decode-group";
   options.kind = "group of frames";
   options.advice = kAdvice;
   options.memory_bytes = (std::uint64_t{256} << 20) + kBytesPerPixel * pixels;
-  options.result_bytes = (std::uint64_t{16} << 20) + 4 * kMaxGroupFrames * pixels;
+  options.result_bytes = (std::uint64_t{16} << 20) + 6 * kMaxGroupFrames * pixels;
   options.time = std::chrono::seconds(120);
   return options;
 }

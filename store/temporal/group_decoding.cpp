@@ -56,11 +56,16 @@ class GroupPictures {
       if (picture_->decode_error_flags != 0 || (picture_->flags & AV_FRAME_FLAG_CORRUPT) != 0) {
         throw std::runtime_error("a frame cannot be decoded completely");
       }
-      if ((picture_->format != AV_PIX_FMT_YUV420P && picture_->format != AV_PIX_FMT_YUVJ420P) ||
-          picture_->width != coded_side(width_) || picture_->height != coded_side(height_)) {
+      const bool is_444 =
+          picture_->format == AV_PIX_FMT_YUV444P || picture_->format == AV_PIX_FMT_YUVJ444P;
+      const bool is_420 =
+          picture_->format == AV_PIX_FMT_YUV420P || picture_->format == AV_PIX_FMT_YUVJ420P;
+      if ((!is_444 && !is_420) || picture_->width != coded_side(width_) ||
+          picture_->height != coded_side(height_)) {
         throw std::runtime_error("a frame has another form or size than its camera's");
       }
       PlanesView planes;
+      planes.chroma = is_444 ? ChromaStep::k444 : ChromaStep::k420;
       for (std::size_t c = 0; c < 3; ++c) {
         planes.plane[c] = picture_->data[c];
         planes.stride[c] = picture_->linesize[c];

@@ -15,15 +15,21 @@ namespace {
 
 std::size_t as_size(int value) { return static_cast<std::size_t>(value); }
 
-Planes empty_planes(int width, int height) {
+int step_of(ChromaStep chroma, std::size_t plane) {
+  return plane == 0 ? 1 : static_cast<int>(chroma);
+}
+
+Planes empty_planes(int width, int height, ChromaStep chroma) {
   Planes planes;
+  planes.chroma = chroma;
   planes.width = coded_side(width);
   planes.height = coded_side(height);
   const std::size_t samples = as_size(planes.width) * as_size(planes.height);
   constexpr std::uint8_t kNoColour = 128;
+  const std::size_t chroma_samples = chroma == ChromaStep::k444 ? samples : samples / 4;
   planes.plane = {std::vector<std::uint8_t>(samples),
-                  std::vector<std::uint8_t>(samples / 4, kNoColour),
-                  std::vector<std::uint8_t>(samples / 4, kNoColour)};
+                  std::vector<std::uint8_t>(chroma_samples, kNoColour),
+                  std::vector<std::uint8_t>(chroma_samples, kNoColour)};
   return planes;
 }
 
@@ -71,23 +77,27 @@ std::vector<std::uint8_t> interleaved_samples(std::span<const std::byte> jpeg, i
 
 int coded_side(int side) { return std::max(64, (side + 7) / 8 * 8); }
 
-Planes planes_of_jpeg(std::span<const std::byte> jpeg, int width, int height,
-                      std::string_view name) {
+Planes planes_of_jpeg(std::span<const std::byte> jpeg, int width, int height, std::string_view name,
+                      ChromaStep chroma) {
   int components = 0;
   const auto samples = interleaved_samples(jpeg, width, height, name, components);
-  Planes planes = empty_planes(width, height);
+  Planes planes = empty_planes(width, height, chroma);
   const auto at = [&](int x, int y, int component) {
     const std::size_t pixel =
         as_size(std::min(y, height - 1)) * as_size(width) + as_size(std::min(x, width - 1));
     return int{samples[pixel * as_size(components) + as_size(component)]};
   };
   std::size_t out = 0;
-  for (int y = 0; y < planes.height; ++y) {
-    for (int x = 0; x < planes.width; ++x) {
-      planes.plane[0][out++] = static_cast<std::uint8_t>(at(x, y, 0));
+  const int whole = chroma == ChromaStep::k444 ? components : 1;
+  for (int component = 0; component < whole; ++component) {
+    out = 0;
+    for (int y = 0; y < planes.height; ++y) {
+      for (int x = 0; x < planes.width; ++x) {
+        planes.plane[as_size(component)][out++] = static_cast<std::uint8_t>(at(x, y, component));
+      }
     }
   }
-  for (int component = 1; component < components; ++component) {
+  for (int component = whole; component < components; ++component) {
     out = 0;
     for (int y = 0; y < planes.height; y += 2) {
       for (int x = 0; x < planes.width; x += 2) {
@@ -100,25 +110,42 @@ Planes planes_of_jpeg(std::span<const std::byte> jpeg, int width, int height,
   return planes;
 }
 
+ChromaStep chroma_of_jpeg(std::span<const std::byte> jpeg, std::string_view name) {
+  libjpeg::Decompressor decompressor;
+  jpeg_decompress_struct& info = decompressor.info;
+  if (!libjpeg::guarded(decompressor.errors, [&] {
+        decompressor.set_input(jpeg);
+        jpeg_read_header(&info, TRUE);
+      })) {
+    libjpeg::throw_error(decompressor.errors, name);
+  }
+  bool is_whole = info.num_components == 3;
+  for (int i = 0; i < info.num_components; ++i) {
+    is_whole = is_whole && info.comp_info[i].h_samp_factor == info.max_h_samp_factor &&
+               info.comp_info[i].v_samp_factor == info.max_v_samp_factor;
+  }
+  return is_whole ? ChromaStep::k444 : ChromaStep::k420;
+}
+
 std::vector<std::byte> jpeg_of_planes(const PlanesView& planes, int width, int height) {
-  constexpr int kMcu = 16;
-  const int padded_width = (width + kMcu - 1) / kMcu * kMcu;
+  const int mcu = 8 * static_cast<int>(planes.chroma);
+  const int padded_width = (width + mcu - 1) / mcu * mcu;
   // One row of MCUs at a time, its last columns and rows repeated.
   std::array<std::vector<std::uint8_t>, 3> rows;
-  std::array<std::array<JSAMPROW, kMcu>, 3> row_pointers{};
+  std::array<std::array<JSAMPROW, 16>, 3> row_pointers{};
   for (std::size_t c = 0; c < 3; ++c) {
-    const int divisor = c == 0 ? 1 : 2;
-    rows[c].resize(as_size(padded_width / divisor) * as_size(kMcu / divisor));
-    for (int y = 0; y < kMcu / divisor; ++y) {
+    const int divisor = step_of(planes.chroma, c);
+    rows[c].resize(as_size(padded_width / divisor) * as_size(mcu / divisor));
+    for (int y = 0; y < mcu / divisor; ++y) {
       row_pointers[c][as_size(y)] = rows[c].data() + as_size(y) * as_size(padded_width / divisor);
     }
   }
   const auto fill = [&](int top) {
     for (std::size_t c = 0; c < 3; ++c) {
-      const int divisor = c == 0 ? 1 : 2;
+      const int divisor = step_of(planes.chroma, c);
       const int columns = (width + divisor - 1) / divisor;
       const int last_row = (height + divisor - 1) / divisor - 1;
-      for (int y = 0; y < kMcu / divisor; ++y) {
+      for (int y = 0; y < mcu / divisor; ++y) {
         const std::uint8_t* const source =
             planes.plane[c] + std::min(top / divisor + y, last_row) * planes.stride[c];
         std::uint8_t* const target = row_pointers[c][as_size(y)];
@@ -141,14 +168,14 @@ std::vector<std::byte> jpeg_of_planes(const PlanesView& planes, int width, int h
     jpeg_set_defaults(&info);
     jpeg_set_quality(&info, 100, TRUE);  // all steps are 1
     info.dct_method = JDCT_ISLOW;
-    info.comp_info[0].h_samp_factor = 2;
-    info.comp_info[0].v_samp_factor = 2;
+    info.comp_info[0].h_samp_factor = static_cast<int>(planes.chroma);
+    info.comp_info[0].v_samp_factor = static_cast<int>(planes.chroma);
     info.raw_data_in = TRUE;
-    info.restart_interval = static_cast<unsigned>(default_restart_interval(width, kMcu));
+    info.restart_interval = static_cast<unsigned>(default_restart_interval(width, mcu));
     jpeg_start_compress(&info, TRUE);
     while (info.next_scanline < info.image_height) {
       fill(static_cast<int>(info.next_scanline));
-      jpeg_write_raw_data(&info, pointers.data(), kMcu);
+      jpeg_write_raw_data(&info, pointers.data(), mcu);
     }
     jpeg_finish_compress(&info);
   });
@@ -160,7 +187,7 @@ std::vector<std::byte> jpeg_of_planes(const PlanesView& planes, int width, int h
 double mean_square_error(const Planes& a, const Planes& b, int width, int height) {
   double sum = 0, count = 0;
   for (std::size_t c = 0; c < 3; ++c) {
-    const int divisor = c == 0 ? 1 : 2;
+    const int divisor = step_of(a.chroma, c);
     const int stride = a.width / divisor;
     const int columns = (width + divisor - 1) / divisor, rows = (height + divisor - 1) / divisor;
     std::uint64_t squares = 0;

@@ -41,6 +41,32 @@ TEST(TemporalFrame, OtherBytesHaveNoLink) {
   EXPECT_FALSE(read_frame_link(frame));
 }
 
+TEST(Planes, FullChromaIsKept) {
+  RgbImage image;
+  image.width = 75;
+  image.height = 53;
+  for (int i = 0; i < 75 * 53 * 3; ++i) {
+    image.values.push_back(static_cast<std::uint8_t>(i * i / 7 % 97 + i % 75));
+  }
+  JpegEncodeOptions options;
+  options.chroma = JpegEncodeOptions::Chroma::k420;
+  EXPECT_EQ(chroma_of_jpeg(encode_jpeg(image, options), "420"), ChromaStep::k420);
+  options.chroma = JpegEncodeOptions::Chroma::k444;
+  const std::vector<std::byte> jpeg = encode_jpeg(image, options);
+  EXPECT_EQ(chroma_of_jpeg(jpeg, "444"), ChromaStep::k444);
+  const Planes first = planes_of_jpeg(jpeg, 75, 53, "first", ChromaStep::k444);
+  PlanesView view;
+  view.chroma = ChromaStep::k444;
+  for (std::size_t c = 0; c < 3; ++c) {
+    view.plane[c] = first.plane[c].data();
+    view.stride[c] = 80;
+  }
+  const std::vector<std::byte> again = jpeg_of_planes(view, 75, 53);
+  EXPECT_EQ(chroma_of_jpeg(again, "again"), ChromaStep::k444);
+  const Planes second = planes_of_jpeg(again, 75, 53, "second", ChromaStep::k444);
+  EXPECT_LT(mean_square_error(first, second, 75, 53), 0.12);  // 57 dB
+}
+
 TEST(Planes, AJpegOfPlanesDiffersByRoundingOnly) {
   RgbImage image;
   image.width = 75;  // odd: neither MCUs nor coded picture are whole

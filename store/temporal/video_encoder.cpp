@@ -23,7 +23,7 @@ struct VideoEncoder::State {
   std::int64_t pushed = 0;
   std::vector<VideoPacket> packets;
 
-  void open(int width, int height);
+  void open(const Planes& planes);
   /// Receives the last packets and ends the encoder, if there is one.
   void close() {
     if (!session) return;
@@ -60,7 +60,7 @@ struct VideoEncoder::State {
 
 double max_crf(VideoCodec codec) { return codec == VideoCodec::kHevc ? 51 : 63; }
 
-void VideoEncoder::State::open(int width, int height) {
+void VideoEncoder::State::open(const Planes& planes) {
   const bool is_hevc = settings.codec == VideoCodec::kHevc;
   const char* const name = is_hevc ? "libx265" : "libsvtav1";
   const AVCodec* const encoder = avcodec_find_encoder_by_name(name);
@@ -70,9 +70,9 @@ void VideoEncoder::State::open(int width, int height) {
   }
   session = ffmpeg::owned(avcodec_alloc_context3(encoder));
   AVCodecContext& context = *session;
-  context.width = width;
-  context.height = height;
-  context.pix_fmt = AV_PIX_FMT_YUV420P;
+  context.width = planes.width;
+  context.height = planes.height;
+  context.pix_fmt = planes.chroma == ChromaStep::k444 ? AV_PIX_FMT_YUV444P : AV_PIX_FMT_YUV420P;
   context.time_base = {1, 30};  // counts pictures; the archive has the times
   context.framerate = {30, 1};
   context.gop_size = settings.group_frames;
@@ -109,7 +109,7 @@ VideoEncoder::~VideoEncoder() {
 }
 
 void VideoEncoder::push(const Planes& planes) {
-  if (!state_->session) state_->open(planes.width, planes.height);
+  if (!state_->session) state_->open(planes);
   const AVCodecContext& context = *state_->session;
   const auto frame = ffmpeg::owned(av_frame_alloc());
   AVFrame& picture = *frame;
@@ -119,7 +119,7 @@ void VideoEncoder::push(const Planes& planes) {
   picture.color_range = context.color_range;
   state_->check(av_frame_get_buffer(&picture, 0), "has no memory");
   for (std::size_t c = 0; c < 3; ++c) {
-    const int divisor = c == 0 ? 1 : 2;
+    const int divisor = c == 0 ? 1 : static_cast<int>(planes.chroma);
     const auto columns = static_cast<std::size_t>(planes.width / divisor);
     for (int y = 0; y < planes.height / divisor; ++y) {
       std::memcpy(picture.data[c] + std::ptrdiff_t{y} * picture.linesize[c],

@@ -26,8 +26,11 @@ struct VideoPacket {
   std::vector<std::byte> bytes;
 };
 
-/// Encodes pictures through FFmpeg, HEVC by x265 and AV1 by SVT-AV1: 8 bits, 4:2:0, full range, one
-/// packet for each picture in order, groups that do not depend on each other.
+/// Returns whether the encoder of a codec takes 4:4:4. SVT-AV1 does not.
+inline bool can_encode_444(VideoCodec codec) { return codec == VideoCodec::kHevc; }
+
+/// Encodes pictures through FFmpeg, HEVC by x265 and AV1 by SVT-AV1: 8 bits, full range, one packet
+/// for each picture in order, groups that do not depend on each other.
 class VideoEncoder {
  public:
   explicit VideoEncoder(const VideoSettings& settings);
@@ -35,8 +38,8 @@ class VideoEncoder {
   VideoEncoder(const VideoEncoder&) = delete;
   VideoEncoder& operator=(const VideoEncoder&) = delete;
 
-  /// Encodes the next picture, of the size of the first. Throws Error (failed) if FFmpeg lacks the
-  /// encoder or does not accept the settings.
+  /// Encodes the next picture, of the size and chroma sampling of the first. Throws Error (failed)
+  /// if FFmpeg lacks the encoder or does not accept the settings.
   void push(const Planes& picture);
   /// Returns the packets of all pictures, in order. Call once, last. Throws Error (failed).
   std::vector<VideoPacket> finish();

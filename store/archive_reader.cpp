@@ -31,19 +31,6 @@
 
 namespace raystage::store {
 
-bool refers_to_cameras(FrameCodec codec) {
-  return codec == FrameCodec::kHevcCameras || codec == FrameCodec::kAv1Cameras;
-}
-
-bool is_temporal(FrameCodec codec) {
-  return codec == FrameCodec::kHevc || codec == FrameCodec::kAv1 || refers_to_cameras(codec);
-}
-
-VideoCodec video_codec_of(FrameCodec codec) {
-  const bool is_hevc = codec == FrameCodec::kHevc || codec == FrameCodec::kHevcCameras;
-  return is_hevc ? VideoCodec::kHevc : VideoCodec::kAv1;
-}
-
 struct ArchiveReader::State {
   enum class Integrity : std::uint8_t { kUnchecked, kIntact, kRotten };
 
@@ -115,26 +102,36 @@ struct ArchiveReader::State {
     return frames;
   }
 
+  /// Decodes a group and keeps its pictures as JPEGs; returns that at `position`. `key_of`: of each
+  /// member.
+  template <class KeyOf>
+  FrameBytes decode_group(const std::vector<std::span<const std::byte>>& group,
+                          std::size_t position, const KeyOf& key_of) const {
+    const ArchiveWriter::Description& description = index.description;
+    auto jpegs = unpacked->groups().decode(video_codec_of(description.codec),
+                                           {description.width, description.height}, group, path);
+    FrameBytes wanted;
+    // The frames that a shot shows next are evicted last.
+    for (std::size_t i = jpegs.size(); i-- > 0;) {
+      const FrameBytes jpeg(std::make_shared<const std::vector<std::byte>>(std::move(jpegs[i])));
+      if (i == position) wanted = jpeg;
+      unpacked->insert(key_of(static_cast<int>(i)), jpeg);
+    }
+    return wanted;
+  }
+
   /// Returns the picture of a temporal frame as a JPEG, and keeps those of its group; none if the
   /// group is damaged up to it.
   std::optional<FrameBytes> decode_temporal(int frame, std::uint32_t position) const {
     // Threads that want frames of one group wait for the first.
     const std::scoped_lock lock(*decoding);
     if (auto known = unpacked->find({number, frame})) return known;
-    const std::vector<FrameBytes> group = read_group(frame, position, true);
-    if (group.empty()) return std::nullopt;
-    const std::vector<std::span<const std::byte>> frames(group.begin(), group.end());
-    const ArchiveWriter::Description& camera = index.description;
-    auto jpegs = unpacked->groups().decode(video_codec_of(camera.codec),
-                                           {camera.width, camera.height}, frames, path);
-    std::optional<FrameBytes> wanted;
-    // The frames that a shot shows next are evicted last.
-    for (std::size_t i = jpegs.size(); i-- > 0;) {
-      const FrameBytes jpeg(std::make_shared<const std::vector<std::byte>>(std::move(jpegs[i])));
-      if (i == position) wanted = jpeg;
-      unpacked->insert({number, frame - static_cast<int>(position) + static_cast<int>(i)}, jpeg);
-    }
-    return wanted;
+    const std::vector<FrameBytes> frames = read_group(frame, position, true);
+    if (frames.empty()) return std::nullopt;
+    const int first = frame - static_cast<int>(position);
+    return decode_group({frames.begin(), frames.end()}, position, [&](int i) {
+      return UnpackedFrames::Key{number, first + i};
+    });
   }
 
   /// Returns the frames of other cameras, and this one, that a frame is decoded with.
@@ -156,17 +153,10 @@ struct ArchiveReader::State {
     extend_group(*take, group);  // views need all cameras of a time
     std::vector<std::span<const std::byte>> frames;
     for (const GroupMember& member : group) frames.emplace_back(member.bytes);
-    const ArchiveWriter::Description& description = index.description;
-    auto jpegs = unpacked->groups().decode(video_codec_of(description.codec),
-                                           {description.width, description.height}, frames, path);
-    std::optional<FrameBytes> wanted;
-    for (std::size_t i = jpegs.size(); i-- > 0;) {
-      const FrameBytes jpeg(std::make_shared<const std::vector<std::byte>>(std::move(jpegs[i])));
-      if (i == position) wanted = jpeg;
-      const std::uint64_t archive = take->archive(group[i].camera).state_->number;
-      unpacked->insert({archive, group[i].frame}, jpeg);
-    }
-    return wanted;
+    return decode_group(frames, position, [&](int i) {
+      const GroupMember& member = group[static_cast<std::size_t>(i)];
+      return UnpackedFrames::Key{take->archive(member.camera).state_->number, member.frame};
+    });
   }
 
   /// Returns the JPEG of a frame; none if its bytes are not the recorded ones or cannot be

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/stopwatch.h"
+#include "store/jpegxl/packed_frame.h"
 
 namespace raystage::store {
 

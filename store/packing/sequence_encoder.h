@@ -6,7 +6,6 @@
 #include <stop_token>
 #include <vector>
 
-#include "store/jpegxl/packed_frame.h"
 #include "store/packing/camera_order.h"
 #include "store/take.h"
 #include "store/temporal/group_decoder.h"

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
+#include <mutex>
 #include <utility>
 
 #include "base/error.h"
@@ -16,9 +17,27 @@
 
 namespace raystage::store {
 
+namespace {
+
+/// SVT-AV1 has tables of the process, for which encoders that start or end at the same time may
+/// race.
+std::mutex& starting_and_ending() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+struct SerialDeleter {
+  void operator()(AVCodecContext* context) const {
+    const std::scoped_lock lock(starting_and_ending());
+    avcodec_free_context(&context);
+  }
+};
+
+}  // namespace
+
 struct VideoEncoder::State {
   VideoSettings settings;
-  ffmpeg::Owned<AVCodecContext> session;  // null before the first picture
+  std::unique_ptr<AVCodecContext, SerialDeleter> session;  // null before the first picture
   ffmpeg::Owned<AVPacket> packet = ffmpeg::owned(av_packet_alloc());
   std::int64_t pushed = 0;
   std::vector<VideoPacket> packets;
@@ -68,7 +87,7 @@ void VideoEncoder::State::open(const Planes& planes) {
     throw Error::failed(fmt::format("FFmpeg has no encoder {}", name), "",
                         "Install FFmpeg as scripts/install_packages.sh does");
   }
-  session = ffmpeg::owned(avcodec_alloc_context3(encoder));
+  session.reset(ffmpeg::owned(avcodec_alloc_context3(encoder)).release());
   AVCodecContext& context = *session;
   context.width = planes.width;
   context.height = planes.height;
@@ -94,6 +113,7 @@ void VideoEncoder::State::open(const Planes& planes) {
     set("crf", fmt::format("{:.0f}", settings.crf));
     set("svtav1-params", "lp=1");
   }
+  const std::scoped_lock lock(starting_and_ending());
   check(avcodec_open2(&context, encoder, nullptr), "does not start");
 }
 

@@ -70,7 +70,7 @@ TEST_P(PackTemporalCommandTest, EveryCommandReadsIt) {
                            ", lossy";
   EXPECT_THAT(run_on_packed("info").output, HasSubstr(form));
   const CommandResult evaluated =
-      run_on_packed("evaluate", "--exclude-cameras c4 --method focal_plane -q");
+      run_on_packed("evaluate", "--exclude-cameras r1c1 --method focal_plane -q");
   EXPECT_EQ(evaluated.exit_code, 0) << evaluated.output;
   EXPECT_EQ(run_on_packed("repair", "--dry-run -q").exit_code, 0);
   EXPECT_THAT(read_file(path("packed") / "events.jsonl"), HasSubstr("lossy"));

@@ -121,9 +121,10 @@ void add_time_options(CommandLine command, Options& o) {
 
 void add_picture_options(CommandLine command, Options& o) {
   simulate::SimulationOptions& s = o.settings;
-  command.flag("--hdr", s.hdr,
-               "Lamps 64 times as bright as white, so that the scene spans 14 stops. Frames are "
-               "half floats as JPEG XL, and truth/VIEW.light.exr holds the linear light of views");
+  command.flag(
+      "--hdr", s.hdr,
+      "Lamps 64 times as bright as white, so that the stage spans about 14 stops. Frames are "
+      "half floats as JPEG XL, and truth/VIEW.light.exr holds the linear light of views");
   command
       .option("--bits N", o.bits,
               "Bits of a sample: 8 = JPEG, clipped at white; 16 = half floats as JPEG XL; "

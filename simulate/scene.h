@@ -16,9 +16,10 @@ namespace raystage::simulate {
 struct SceneMaterial {
   int texture = -1;  ///< index into Scene::textures; -1: none
   Eigen::Vector3f colour = Eigen::Vector3f(0.8F, 0.8F, 0.8F);  ///< multiplied by the texture
-  float specular = 0;   ///< strength of the highlight, 0 to 1
-  float emission = 0;   ///< emitted light, multiplied by `colour`
-  bool mirror = false;  ///< reflects once, multiplied by `colour`
+  float specular = 0;    ///< strength of the highlight, 0 to 1
+  float emission = 0;    ///< emitted light, multiplied by `colour`
+  bool mirror = false;   ///< reflects once, multiplied by `colour`
+  bool is_lamp = false;  ///< SimulationOptions::hdr raises its emission above white
 };
 
 /// Returns the world_from_part transform at a time in seconds since the take's epoch.

@@ -42,7 +42,10 @@ Eigen::Quaternionf board_tilt(double seconds) {
 
 ScenePart make_bulb() {
   constexpr float kBulb = 0.011F;
-  return {"light", make_sphere(kBulb, 24), {.colour = {0.9F, 0.86F, 0.8F}, .emission = 0.9F}, 0};
+  return {"light",
+          make_sphere(kBulb, 24),
+          {.colour = {0.9F, 0.86F, 0.8F}, .emission = 0.9F, .is_lamp = true},
+          0};
 }
 
 /// Returns a board that follows a motion.
@@ -90,7 +93,8 @@ Scene make_moving_light_scene() {
   Isometry3f at = Isometry3f::Identity();
   at.translation() = Vector3f(-0.9F, -0.8F, -3.1F);
   lamp.add(make_sphere(0.009F, 16), at);
-  scene.parts.push_back({"machine's lamp", lamp, {.colour = {0.1F, 0.9F, 0.2F}, .emission = 0.7F}});
+  scene.parts.push_back(
+      {"machine's lamp", lamp, {.colour = {0.1F, 0.9F, 0.2F}, .emission = 0.7F, .is_lamp = true}});
   scene.parts.push_back({"wall",
                          make_quad({-4, 3, -3.6F}, {8, 0, 0}, {0, -6, 0}, {1, 1}, 4),
                          {.colour = {0.6F, 0.6F, 0.6F}}});

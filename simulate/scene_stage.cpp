@@ -205,7 +205,7 @@ class StageBuilder {
     moving("lamp shade", placed(make_cone(0.035F, 0.16F, 0.17F, 32), at(0, -length + 0.04F, 0)),
            {.colour = {0.05F, 0.22F, 0.16F}, .specular = 0.5F}, swing);
     moving("lamp bulb", placed(make_sphere(0.055F, 24), at(0, -length + 0.03F, 0)),
-           {.colour = {1, 0.86F, 0.55F}, .emission = 1}, swing);
+           {.colour = {1, 0.86F, 0.55F}, .emission = 1, .is_lamp = true}, swing);
   }
 
   void add_movers() {

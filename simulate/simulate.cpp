@@ -42,7 +42,9 @@ Scene scene_of(const SimulationOptions& options) {
   Scene scene = make_scene(options.scene);
   if (!options.hdr) return scene;
   scene.max_light = kLargestHalf;
-  for (ScenePart& part : scene.parts) part.material.emission *= SimulationOptions::kHighlights;
+  for (ScenePart& part : scene.parts) {
+    if (part.material.is_lamp) part.material.emission *= SimulationOptions::kHighlights;
+  }
   return scene;
 }
 

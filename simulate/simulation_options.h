@@ -68,7 +68,8 @@ struct SimulationOptions {
   double line_time_us = 0;
 
   // Pictures.
-  /// Surfaces that emit light are kHighlights times as bright, so that the scene spans 14 stops.
+  /// Lamps are kHighlights times as bright, so that the stage spans about 14 stops. Targets, whose
+  /// exposure matters, are as they are.
   bool hdr = false;
   static constexpr float kHighlights = 64;
   /// Frames of the linear light in half floats, as JPEG XL pictures; false: JPEG, clipped at white.

@@ -191,6 +191,27 @@ bool is_pinned(const fs::path& set, fs::file_time_type now) {
   return false;
 }
 
+/// Returns the bytes that depths are estimated from. Pictures of more than 8 bits are not decoded.
+store::FrameBytes bytes_of_frame(const store::ArchiveReader& archive, int frame) {
+  return archive.pixel_encoding() ? archive.stored(frame) : archive.jpeg(frame);
+}
+
+/// Returns a hash with what the samples of pictures of more than 8 bits mean.
+std::uint64_t with_encoding(const schemas::PixelEncoding& pixels, std::uint64_t hash) {
+  std::array<std::byte, 20 + 8 * 8> bytes{};
+  store_little_endian(bytes, 0, static_cast<std::uint32_t>(pixels.samples));
+  store_little_endian(bytes, 4, static_cast<std::uint32_t>(pixels.bits));
+  store_little_endian(bytes, 8, static_cast<std::uint32_t>(pixels.transfer));
+  store_little_endian(bytes, 12, std::bit_cast<std::uint64_t>(pixels.peak));
+  if (pixels.chromaticities) {
+    for (std::size_t i = 0; i < pixels.chromaticities->size(); ++i) {
+      store_little_endian(bytes, 20 + 8 * i,
+                          std::bit_cast<std::uint64_t>((*pixels.chromaticities)[i]));
+    }
+  }
+  return XXH3_64bits_withSeed(bytes.data(), bytes.size(), hash);
+}
+
 }  // namespace
 
 DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimationOptions& s) {
@@ -216,9 +237,13 @@ DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimat
     const int camera =
         instant.camera_of_take.empty() ? static_cast<int>(i) : instant.camera_of_take[i];
     const auto add = [&](int added) {
-      const auto jpeg = added < 0 ? store::FrameBytes() : instant.take->archive(camera).jpeg(added);
-      key.instant = XXH3_64bits_withSeed(jpeg.data(), jpeg.size(), key.instant);
+      const store::FrameBytes bytes =
+          added < 0 ? store::FrameBytes() : bytes_of_frame(instant.take->archive(camera), added);
+      key.instant = XXH3_64bits_withSeed(bytes.data(), bytes.size(), key.instant);
     };
+    if (const auto& pixels = instant.take->archive(camera).pixel_encoding()) {
+      key.instant = with_encoding(*pixels, key.instant);
+    }
     const auto sources = instant.cache->sources_of(frame);
     add(sources ? sources->first : frame);
     if (!sources) continue;

@@ -298,7 +298,7 @@ class OutwardPlanner {
   std::vector<Eigen::Matrix3d> rotations_;  // of the views, in the frame
 };
 
-void throw_if_stopped(const std::stop_token& stop, const std::string& name) {
+void throw_if_requested(const std::stop_token& stop, const std::string& name) {
   if (!stop.stop_requested()) return;
   throw Error::failed("the computation was stopped", name, "Start it again");
 }
@@ -362,7 +362,7 @@ CoveragePlan plan_outward_coverage(const std::string& name, const rig::Rig& rig,
   const std::vector<double> fovs = coverage_fovs(options);
   const std::size_t count = fovs.size() * options.shares.size() + (options.subject ? 1 : 0);
   const auto add = [&](CoverageVolume volume) {
-    throw_if_stopped(stop, name);
+    throw_if_requested(stop, name);
     plan.volumes.push_back(std::move(volume));
     if (progress) {
       progress(static_cast<double>(plan.volumes.size()) / static_cast<double>(count));
@@ -384,7 +384,7 @@ CoveragePlan plan_outward_subject_coverage(const std::string& name, const rig::R
   plan.options = options;
   const Vector3d middle = plan.array.camera_from_world(point);
   plan.volumes.push_back(planner.volume_of_subject({middle.x(), middle.y(), -middle.z(), size}));
-  throw_if_stopped(stop, name);
+  throw_if_requested(stop, name);
   return plan;
 }
 

@@ -295,5 +295,13 @@ TEST_F(DeepTakeCommand, WhatCannotTreatThemSaysSo) {
   EXPECT_THAT(info.output, HasSubstr("take.json has no \"pixels\""));
 }
 
+TEST_F(DeepTakeCommand, IsNotEncodedAsVideo) {
+  const CommandResult packed =
+      run_raystage("pack " + quoted("take") + " -o " + quoted("packed") + " --temporal av1");
+  EXPECT_EQ(packed.exit_code, 2) << packed.output;
+  EXPECT_THAT(packed.output, HasSubstr("clipped at white"));
+  EXPECT_FALSE(fs::exists(path("packed")));
+}
+
 }  // namespace
 }  // namespace raystage::testing

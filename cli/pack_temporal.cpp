@@ -56,10 +56,15 @@ std::string_view name_of(References references) {
 }
 
 void check_options(const TemporalCommandOptions& options, const store::VideoSettings& video) {
-  if (options.crf && *options.crf > store::max_crf(video.codec)) {
-    throw Error::bad_input(fmt::format("the rate factor {} is too large for {}", *options.crf,
-                                       store::name_of(video.codec)),
-                           "", fmt::format("Use at most {}", store::max_crf(video.codec)));
+  if (!options.crf) return;
+  const double least = store::min_crf(video.codec), most = store::max_crf(video.codec);
+  const bool is_whole = *options.crf == std::round(*options.crf);
+  const bool is_usable = video.codec == store::VideoCodec::kHevc || is_whole;
+  if (*options.crf < least || *options.crf > most || !is_usable) {
+    throw Error::bad_input(
+        fmt::format("{} has no rate factor {}", store::name_of(video.codec), *options.crf), "",
+        fmt::format("Use {}{} to {}",
+                    video.codec == store::VideoCodec::kAv1 ? "a whole number, " : "", least, most));
   }
 }
 
@@ -85,7 +90,7 @@ MeasuredLoss search(const store::Take& take, const std::string& output,
     return db;
   };
   const int least = video.codec == store::VideoCodec::kHevc ? 4 : 8;
-  video.crf = largest_crf_within(*options.target_db, least,
+  video.crf = largest_crf_within(take.folder().string(), *options.target_db, least,
                                  static_cast<int>(store::max_crf(video.codec)), loss_of);
   measured.loss_db = tried.at(video.crf);
   return measured;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Measures what encoding costs in rendered views, and searches the rate factor for a loss. Cost of
-// a factor: encoding one group of each camera, and rendering up to four views.
+// a factor: encoding one group of each camera (of given views: what is between the first and the
+// last that is rendered, too), and rendering up to four views.
 #include "cli/view_loss.h"
 
 #include <fmt/format.h>
@@ -22,6 +23,13 @@ namespace {
 
 constexpr int kMostViews = 4;
 constexpr const char* kAdvice = "Choose the rate factor instead";
+
+/// Returns the mean time from a frame to the next; 0 of fewer than two.
+Nanoseconds mean_interval(std::span<const store::FrameRecord> frames) {
+  if (frames.size() < 2) return 0;
+  return (frames.back().time_ns - frames.front().time_ns) /
+         static_cast<Nanoseconds>(frames.size() - 1);
+}
 
 int step_for(int views) { return std::max(1, (views + kMostViews - 1) / kMostViews); }
 
@@ -50,14 +58,25 @@ ViewLoss::~ViewLoss() {
   std::filesystem::remove_all(folder_, ignored);
 }
 
+/// Chooses the time of the given views, and that of a group before and after.
+void ViewLoss::choose_frames_of_views() {
+  const auto views = schemas::read_views(settings_.views).views;
+  view_step_ = step_for(static_cast<int>(views.size()));
+  Nanoseconds margin = 0;
+  for (int camera = 0; camera < take_.camera_count(); ++camera) {
+    margin = std::max(margin, settings_.frames * mean_interval(take_.archive(camera).frames()));
+  }
+  excerpt_.first = std::numeric_limits<Nanoseconds>::max();
+  excerpt_.last = std::numeric_limits<Nanoseconds>::min();
+  for (std::size_t i = 0; i < views.size(); i += static_cast<std::size_t>(view_step_)) {
+    excerpt_.first = std::min(excerpt_.first, views[i].time_ns - margin);
+    excerpt_.last = std::max(excerpt_.last, views[i].time_ns + margin);
+  }
+}
+
 /// Chooses the time of the excerpt, and the cameras to leave out.
 void ViewLoss::choose_frames() {
-  if (!settings_.views.empty()) {
-    excerpt_.first = std::numeric_limits<Nanoseconds>::min();
-    excerpt_.last = std::numeric_limits<Nanoseconds>::max();
-    view_step_ = step_for(static_cast<int>(schemas::read_views(settings_.views).views.size()));
-    return;
-  }
+  if (!settings_.views.empty()) return choose_frames_of_views();
   const int cameras = take_.camera_count();
   if (cameras < 3) {
     throw Error::bad_input("a loss in views cannot be measured with fewer than three cameras",
@@ -71,8 +90,7 @@ void ViewLoss::choose_frames() {
   const auto count = static_cast<int>(frames.size());
   const int length = std::min(settings_.frames, count);
   const int begin = (count - length) / 2;
-  const Nanoseconds interval =
-      count > 1 ? (frames.back().time_ns - frames.front().time_ns) / (count - 1) : 0;
+  const Nanoseconds interval = mean_interval(frames);
   // Cameras need not be synchronous: half an interval more on both sides.
   excerpt_.first = frames[begin].time_ns - interval / 2;
   excerpt_.last = frames[begin + length - 1].time_ns + interval / 2;
@@ -141,13 +159,13 @@ std::string ViewLoss::truth() const {
   return "frames of the camera left out," + ids;
 }
 
-double largest_crf_within(double target_db, int least, int most,
+double largest_crf_within(const std::string& take, double target_db, int least, int most,
                           const std::function<double(double)>& loss_of) {
   const double best = loss_of(least);
   if (best > target_db) {
     throw Error::bad_input(
         fmt::format("the rate factor {} already costs {:.3f} dB in rendered views", least, best),
-        "", "Allow a larger loss, or pack without loss");
+        take, "Allow a larger loss, or pack without loss");
   }
   int within = least, beyond = most + 1;
   while (beyond - within > 1) {

@@ -40,6 +40,7 @@ class ViewLoss {
 
  private:
   void choose_frames();
+  void choose_frames_of_views();
   double psnr_of(const std::string& name) const;
 
   const store::Take& take_;
@@ -53,8 +54,8 @@ class ViewLoss {
 
 /// Returns the largest rate factor, in whole steps from `least` to `most`, whose loss is at most
 /// `target_db`, by bisection: the loss is taken to grow with the factor. Calls `loss_of` for each
-/// factor that is tried. Throws Error (bad input) if `least` loses more.
-double largest_crf_within(double target_db, int least, int most,
+/// factor that is tried. Throws Error (bad input), which names the take, if `least` loses more.
+double largest_crf_within(const std::string& take, double target_db, int least, int most,
                           const std::function<double(double)>& loss_of);
 
 }  // namespace raystage::cli

@@ -87,11 +87,14 @@ struct ArchiveReader::State {
   /// that is intact; none if one up to the frame is not, or was lost.
   std::vector<FrameBytes> read_group(int frame, std::uint32_t position, bool is_whole) const {
     std::vector<FrameBytes> frames;
+    std::uint64_t bytes_of_group = 0;
     if (std::int64_t{position} > frame) return {};
     for (int i = frame - static_cast<int>(position); i < static_cast<int>(index.frames.size());
          ++i) {
       if (i > frame && (!is_whole || frames.size() == kMaxGroupFrames)) break;
-      const std::optional<FrameBytes> bytes = read_intact(i);
+      bytes_of_group += record(i).size;
+      const bool has_room = bytes_of_group <= kMaxGroupBytes;
+      const std::optional<FrameBytes> bytes = has_room ? read_intact(i) : std::nullopt;
       const auto link = bytes ? read_frame_link(*bytes) : std::nullopt;
       const bool follows = link && link->position == frames.size() &&
                            (frames.empty() || link->previous == hash_of_stored(frames.back()));
@@ -129,9 +132,22 @@ struct ArchiveReader::State {
     const std::vector<FrameBytes> frames = read_group(frame, position, true);
     if (frames.empty()) return std::nullopt;
     const int first = frame - static_cast<int>(position);
-    return decode_group({frames.begin(), frames.end()}, position, [&](int i) {
+    return decode_as_far_as_possible({frames.begin(), frames.end()}, position, [&](int i) {
       return UnpackedFrames::Key{number, first + i};
     });
+  }
+
+  /// As decode_group(); without the frames after `position` if they cannot be decoded.
+  template <class KeyOf>
+  FrameBytes decode_as_far_as_possible(const std::vector<std::span<const std::byte>>& group,
+                                       std::size_t position, const KeyOf& key_of) const {
+    try {
+      return decode_group(group, position, key_of);
+    } catch (const Error& error) {
+      if (error.exit_code() != ExitCode::kBadInput || group.size() == position + 1) throw;
+    }
+    const auto end = group.begin() + static_cast<std::ptrdiff_t>(position) + 1;
+    return decode_group({group.begin(), end}, position, key_of);
   }
 
   /// Returns the frames of other cameras, and this one, that a frame is decoded with.
@@ -153,7 +169,7 @@ struct ArchiveReader::State {
     extend_group(*take, group);  // views need all cameras of a time
     std::vector<std::span<const std::byte>> frames;
     for (const GroupMember& member : group) frames.emplace_back(member.bytes);
-    return decode_group(frames, position, [&](int i) {
+    return decode_as_far_as_possible(frames, position, [&](int i) {
       const GroupMember& member = group[static_cast<std::size_t>(i)];
       return UnpackedFrames::Key{take->archive(member.camera).state_->number, member.frame};
     });

@@ -87,6 +87,7 @@ std::vector<GroupMember> group_up_to(const TakeArchives& take, int camera, int f
   std::vector<GroupMember> group;
   auto bytes = take.archive(camera).intact_stored(frame);
   if (!bytes) return {};
+  std::uint64_t bytes_of_group = bytes->size();
   group.push_back({camera, frame, *std::move(bytes)});
   for (;;) {
     const auto link = read_frame_link(group.back().bytes);
@@ -94,6 +95,8 @@ std::vector<GroupMember> group_up_to(const TakeArchives& take, int camera, int f
     if (link->position == 0) break;
     auto before = find_before(take, group.back(), *link);
     if (!before) return {};
+    bytes_of_group += before->bytes.size();
+    if (bytes_of_group > kMaxGroupBytes) return {};
     group.push_back(*std::move(before));
   }
   std::ranges::reverse(group);
@@ -104,12 +107,16 @@ void extend_group(const TakeArchives& take, std::vector<GroupMember>& group) {
   const ArchiveReader& own = take.archive(group.front().camera);
   const Nanoseconds time = own.frames()[static_cast<std::size_t>(group.front().frame)].time_ns;
   std::vector<GroupMember> others;
+  std::uint64_t bytes_of_all = 0;
+  for (const GroupMember& member : group) bytes_of_all += member.bytes.size();
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     const ArchiveReader* const archive = readable_archive(take, camera);
     const bool is_member = std::ranges::find(group, camera, &GroupMember::camera) != group.end();
     if (is_member || archive == nullptr || !is_alike(own, *archive)) continue;
     const auto nearest = archive->nearest_frame(time);
     if (!nearest) continue;
+    bytes_of_all += archive->frames()[static_cast<std::size_t>(*nearest)].size;
+    if (bytes_of_all > kMaxGroupBytes) break;
     if (auto bytes = archive->intact_stored(*nearest)) {
       others.push_back({camera, *nearest, *std::move(bytes)});
     }

@@ -114,6 +114,8 @@ class Verifier {
   std::optional<std::uint64_t> xxh3_of(Bytes jpeg) const;
   void check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected);
   std::vector<std::byte> decode_temporal(const FrameRecord& record, std::uint32_t position);
+  std::vector<std::vector<std::byte>> decode_beginning(std::span<const Bytes> frames);
+  bool is_as_recorded(const matroska::FoundFrame& frame, std::size_t& slot) const;
   void check_end();
   void check_header(const matroska::Trailer& closing);
   void take_frame(Nanoseconds time, std::size_t cluster, std::size_t end);
@@ -138,7 +140,12 @@ class Verifier {
   JpegDecoder decoder_;
   GroupDecoder groups_;
   std::vector<std::vector<std::byte>> group_;  // pictures of the last group, until each was checked
-  std::optional<FrameRecord> skipped_start_;   // of the group in which an earlier run ended
+  struct GroupStart {
+    FrameRecord record;
+    std::size_t slot;  // of the record in the journal
+  };
+  std::optional<GroupStart> skipped_start_;   // of the group in which an earlier run ended
+  std::size_t slot_ = journal::kHeaderBytes;  // of the record that is checked
   FramePacker packer_;
   PictureCodec pictures_;
   ArchiveFixityReport report_;
@@ -199,6 +206,7 @@ void Verifier::check_everything() {
 }
 
 void Verifier::check_slot(std::uint64_t at, Bytes slot) {
+  slot_ = at;
   const auto record = journal::decode_record(slot, version_);
   const auto complain = [&](std::string what) {
     if (add(pair_.journal_name, at, std::move(what)) != nullptr) {
@@ -314,7 +322,7 @@ void Verifier::check_frame(const FrameRecord& record) {
   const std::size_t start = may_refer ? std::min(kFrameLinkBytes, jpeg.size()) : 0;
   if (report_.frames < options_.checked_frames && report_.problems.empty()) {
     if (options_.decode && may_refer && can_read(jpeg.first(start)) && is_key_frame(jpeg)) {
-      skipped_start_ = record;
+      skipped_start_ = GroupStart{record, slot_};
     }
     if (deep) advance(jpeg.size());
     return;
@@ -342,6 +350,42 @@ void Verifier::check_frame(const FrameRecord& record) {
   if (deep) advance(jpeg.size());
 }
 
+// Returns whether bytes that follow in the archive have the XXH3 of their record, which is looked
+// for from a slot of the journal on. Where it is lost, the link to the frame before decides.
+bool Verifier::is_as_recorded(const matroska::FoundFrame& frame, std::size_t& slot) const {
+  if (!pair_.journal) return true;
+  const std::size_t step = journal::record_bytes(version_);
+  for (; slot + step <= pair_.journal->size(); slot += step) {
+    const auto record = journal::decode_record(pair_.journal->subspan(slot, step), version_);
+    if (!record || record->status != FrameStatus::kStored || record->offset < frame.offset)
+      continue;
+    if (record->offset > frame.offset || record->xxh3 == 0) return true;
+    return record->xxh3 == hash_of_stored(archive_.subspan(frame.offset, frame.size));
+  }
+  return true;
+}
+
+// Decodes the longest beginning of a group that can be decoded.
+std::vector<std::vector<std::byte>> Verifier::decode_beginning(std::span<const Bytes> frames) {
+  const auto decode = [&](std::size_t count) {
+    return groups_.decode(video_codec_of(header_.codec),
+                          {pair_.description.width, pair_.description.height}, frames.first(count),
+                          pair_.archive_name);
+  };
+  std::vector<std::vector<std::byte>> pictures;
+  std::size_t most = frames.size() + 1;  // so many cannot be decoded
+  for (std::size_t count = frames.size(); count > pictures.size();) {
+    try {
+      pictures = decode(count);
+    } catch (const Error& error) {
+      if (error.exit_code() != ExitCode::kBadInput || count == 1) throw;
+      most = count;
+    }
+    count = (pictures.size() + most) / 2;
+  }
+  return pictures;
+}
+
 // Returns the picture of a temporal frame as a JPEG. Decodes a group with its first frame.
 std::vector<std::byte> Verifier::decode_temporal(const FrameRecord& record,
                                                  std::uint32_t position) {
@@ -350,29 +394,31 @@ std::vector<std::byte> Verifier::decode_temporal(const FrameRecord& record,
   };
   // Where an earlier run ended within a group, the frames before are decoded again.
   if (position == 0 || skipped_start_) {
-    const FrameRecord first = position == 0 ? record : *skipped_start_;
+    const FrameRecord first = position == 0 ? record : skipped_start_->record;
+    std::size_t slot = position == 0 ? slot_ : skipped_start_->slot;
     skipped_start_.reset();
     group_.clear();
     const auto start = static_cast<std::size_t>(first.offset);
     std::vector<Bytes> frames{archive_.subspan(start, first.size)};
+    std::uint64_t bytes_of_group = first.size;
     for (std::size_t end = start + first.size; frames.size() < kMaxGroupFrames;) {
       const auto next = matroska::parse_cluster(archive_, end);
       if (!next) break;
       const Bytes bytes = archive_.subspan(next->offset, next->size);
       const auto link = read_frame_link(bytes);
+      bytes_of_group += next->size;
       if (!link || link->position != frames.size() ||
-          link->previous != hash_of_stored(frames.back())) {
+          link->previous != hash_of_stored(frames.back()) || bytes_of_group > kMaxGroupBytes ||
+          !is_as_recorded(*next, slot)) {
         break;
       }
       frames.push_back(bytes);
       end = next->offset + next->size;
     }
-    group_ = groups_.decode(video_codec_of(header_.codec),
-                            {pair_.description.width, pair_.description.height}, frames,
-                            pair_.archive_name);
+    group_ = decode_beginning(frames);
   }
   if (position >= group_.size() || group_[position].empty()) {
-    throw refuse("a frame of its group before it is damaged or lost");
+    throw refuse("it cannot be decoded, or a frame of its group before it is damaged or lost");
   }
   return std::exchange(group_[position], {});
 }

@@ -39,7 +39,10 @@ sandbox::DecoderOptions picture_options(std::uint64_t pixels) {
   options.advice = kPictureAdvice;
   options.memory_bytes = picture_memory_for(pixels);
   options.result_bytes = std::max<std::uint64_t>(kMaxFrameBytes, kSampleBytes * pixels) + kHeader;
-  options.time = std::chrono::seconds(120);
+  // More than ten times what a core of 2020 takes to encode.
+  constexpr std::uint64_t kStartSeconds = 60, kSecondsPerMegapixel = 10, kMegapixel = 1'000'000;
+  options.time =
+      std::chrono::seconds(kStartSeconds + (pixels / kMegapixel + 1) * kSecondsPerMegapixel);
   return options;
 }
 

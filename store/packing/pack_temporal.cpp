@@ -59,6 +59,10 @@ class TakeEncoder {
         writer_(folder, encoded_document(take.document()), schemas::read_rig(take.file("rig.json")),
                 codec),
         positions_(static_cast<std::size_t>(take.camera_count())) {
+    if (take.document().has_deep_pixels()) {
+      throw Error::bad_input("frames of more than 8 bits would be rounded and clipped at white",
+                             take.folder().string(), "Pack the take without --temporal");
+    }
     for (int camera = 0; camera < take.camera_count(); ++camera) {
       const std::string& id = take.document().cameras[camera].id;
       require_whole_archive(take.archive(camera), id, take.folder());
@@ -119,12 +123,25 @@ class TakeEncoder {
   void encode_camera(int camera) {
     const ArchiveReader& archive = take_.archive(camera);
     Sequence sequence;
+    const auto encode_and_append = [&] {
+      if (is_encoded(camera) && !sequence.frames.empty()) encoder_.encode(sequence);
+      append(sequence);
+      sequence = {};
+    };
     for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
-      if (is_wanted(archive.frames()[i].time_ns)) sequence.frames.push_back({camera, i});
+      if (!is_wanted(archive.frames()[i].time_ns)) continue;
+      sequence.frames.push_back({camera, i});
+      if (sequence.frames.size() == frames_at_once()) encode_and_append();
     }
-    if (is_encoded(camera) && !sequence.frames.empty()) encoder_.encode(sequence);
-    append(sequence);
+    encode_and_append();
     finish(camera);
+  }
+
+  /// Returns how many frames are encoded before they are written: whole groups.
+  std::size_t frames_at_once() const {
+    const int group = std::max(1, excerpt_.video.value_or(VideoSettings{}).group_frames);
+    const int groups = std::max(1, (excerpt_.frames_at_once + group - 1) / group);
+    return static_cast<std::size_t>(groups) * static_cast<std::size_t>(group);
   }
 
   /// Encodes the instants of cameras in parallel, as many at once as there are threads, and appends
@@ -253,6 +270,7 @@ TemporalReport pack_temporal(const Take& take, const fs::path& folder,
   everything.last = std::numeric_limits<Nanoseconds>::max();
   everything.video = options.video;
   everything.references = options.references;
+  everything.frames_at_once = options.frames_at_once;
   TakeEncoder encoder(take, folder, everything, codec_of(options.video, options.references),
                       options.stop);
   encoder.encode_all(options.progress);

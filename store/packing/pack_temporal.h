@@ -26,6 +26,7 @@ enum class References {
 struct TemporalOptions {
   VideoSettings video;
   References references = References::kTime;
+  int frames_at_once = 512;  ///< of a camera, about, that are encoded before they are written
   std::function<void(double)> progress;  ///< called with the share done, 0 to 1
   std::stop_token stop;
 };
@@ -57,7 +58,8 @@ struct TemporalReport {
 /// decoded again as readers do, and compared. Times, gaps and their reasons are those of the
 /// source; all its other files are copied, but hidden ones and depth/; its manifest becomes
 /// original/manifest.sha256. The source is not modified; the new take gets its name when it is
-/// complete. Memory: an encoder and the encoded frames of one camera, or of an instant, per thread.
+/// complete. Memory: an encoder and `frames_at_once` encoded frames, or those of an instant, per
+/// thread.
 /// Throws as pack_take(), and Error (bad input) if the take is temporal already or a frame is
 /// damaged.
 TemporalReport pack_temporal(const Take& take, const std::filesystem::path& folder,
@@ -69,6 +71,7 @@ struct Excerpt {
   std::optional<VideoSettings> video;       ///< nullopt: frames as they are read from the take
   std::vector<int> unencoded_cameras = {};  ///< whose frames are as read in any case
   References references = References::kTime;
+  int frames_at_once = TemporalOptions{}.frames_at_once;
 };
 
 /// Writes a take of the frames of some time only, as readers get them after encoding: JPEG. It has

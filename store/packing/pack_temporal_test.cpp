@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <random>
+#include <set>
 
 #include "base/child_process.h"
 #include "base/error.h"
@@ -14,6 +15,7 @@
 #include "store/jpeg/encode.h"
 #include "store/packing/pack_take.h"
 #include "store/rotten_frame.h"
+#include "store/temporal/temporal_frame.h"
 #include "testing/store/take_test_data.h"
 
 namespace raystage::store {
@@ -129,6 +131,19 @@ TEST_P(PackTemporalTest, TimesGapsAndPicturesAreThoseOfTheSource) {
   EXPECT_TRUE(verify_take(path("packed"), decoding).is_intact());
 }
 
+TEST_P(PackTemporalTest, PartsOfACameraAreWholeGroups) {
+  TemporalOptions parts = options();
+  parts.frames_at_once = 1;
+  const TemporalReport report = pack_temporal(Take(path("take")), path("packed"), parts);
+  EXPECT_EQ(report.total().groups, kRow * 3);
+  const Take source(path("take")), packed(path("packed"));
+  ASSERT_EQ(packed.archive(1).records().size(), source.archive(1).records().size());
+  for (int frame = 0; frame < kPictures; ++frame) {
+    EXPECT_EQ(is_key_frame(packed.archive(1).stored(frame)), frame % kGroup == 0) << frame;
+    EXPECT_GT(psnr_between(source.archive(1).jpeg(frame), packed.archive(1).jpeg(frame)), 30);
+  }
+}
+
 TEST_P(PackTemporalTest, AnyOrderOfReadingGivesTheSamePictures) {
   pack();
   std::vector<Bytes> in_order;
@@ -215,15 +230,64 @@ TEST_P(PackTemporalTest, DamageCostsTheRestOfItsGroupOnly) {
     }
   };
   expect_rest_lost(Take(path("packed")), kDamaged, 2 * kGroup);
+  TakeVerifyOptions decoding;
+  decoding.decode = true;
+  std::set<std::int64_t> named;
+  for (const FixityProblem& problem :
+       verify_take(path("packed"), decoding).cameras.at(0).report.problems) {
+    for (const AffectedFrame& frame : problem.frames) named.insert(frame.number);
+  }
+  std::set<std::int64_t> rest;
+  for (int frame = kDamaged; frame < 2 * kGroup; ++frame) rest.insert(frame);
+  EXPECT_EQ(named, rest);
   // Repaired, the frame is a gap, and those that refer to it are never decoded from another.
   repair_take(path("packed"), {});
   const Take repaired(path("packed"));
   ASSERT_EQ(repaired.archive(0).frames().size(), kPictures - 1);
   expect_rest_lost(repaired, kDamaged, 2 * kGroup - 1);
-  TakeVerifyOptions decoding;
-  decoding.decode = true;
   EXPECT_TRUE(verify_take(path("packed"), {}).is_intact());
   EXPECT_FALSE(verify_take(path("packed"), decoding).is_intact());
+}
+
+TEST_P(PackTemporalTest, AFrameThatCannotBeDecodedCostsNoneBeforeIt) {
+  pack();
+  constexpr std::size_t kFault = 2;
+  const Take whole(path("packed"));
+  {
+    TakeWriter writer(path("faulty"), whole.document(), schemas::read_rig(whole.file("rig.json")),
+                      whole.archive(0).description().codec);
+    for (int camera = 0; camera < kRow; ++camera) {
+      const ArchiveReader& archive = whole.archive(camera);
+      for (std::size_t i = 0; i < archive.frames().size(); ++i) {
+        const FrameBytes bytes = archive.stored(static_cast<int>(i));
+        const FrameLink link = read_frame_link(bytes).value();
+        const Bytes nonsense(300, std::byte{0x5a});
+        FrameRecord record = archive.frames()[i];
+        if (i == kFault) {
+          writer.archive(camera).append_again(record,
+                                              make_temporal_frame(GetParam(), link, nonsense));
+        } else {
+          writer.archive(camera).append_again(record, bytes);
+        }
+      }
+    }
+    writer.commit();
+  }
+  const Take faulty(path("faulty"));
+  for (std::size_t i = 0; i < 2 * kGroup; ++i) {
+    EXPECT_EQ(faulty.archive(0).intact_jpeg(static_cast<int>(i)).has_value(),
+              i < kFault || i >= kGroup)
+        << i;
+  }
+  TakeVerifyOptions decoding;
+  decoding.decode = true;
+  const TakeFixityReport report = verify_take(path("faulty"), decoding);
+  for (const FixityProblem& problem : report.cameras.at(0).report.problems) {
+    for (const AffectedFrame& frame : problem.frames) {
+      EXPECT_TRUE(frame.number >= static_cast<int>(kFault) && frame.number < kGroup);
+    }
+  }
+  EXPECT_FALSE(report.is_intact());
 }
 
 TEST_P(PackTemporalTest, WhatCannotBeDoneIsRefusedAndNothingRemains) {

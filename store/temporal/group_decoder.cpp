@@ -26,29 +26,32 @@ std::uint64_t pixels_of(GroupDecoder::Size size) {
 }
 
 /// Up to 17 reference pictures and their motion of 16 bytes a pixel, and JPEGs of up to 6 bytes.
-sandbox::DecoderOptions group_decoder_options(std::uint64_t pixels) {
-  constexpr std::uint64_t kBytesPerPixel = 17 * 16 + 6 * kMaxGroupFrames;
+/// More than ten times what a core of 2020 takes for a frame.
+sandbox::DecoderOptions group_decoder_options(std::uint64_t pixels, std::uint64_t frames) {
+  constexpr std::uint64_t kStartSeconds = 60, kSecondsPerMegapixel = 2, kMegapixel = 1'000'000;
+  const std::uint64_t bytes_per_pixel = 17 * 16 + 6 * frames;
   sandbox::DecoderOptions options;
   options.program = "raystage-decode-group";
   options.kind = "group of frames";
   options.advice = kAdvice;
-  options.memory_bytes = (std::uint64_t{256} << 20) + kBytesPerPixel * pixels;
-  options.result_bytes = (std::uint64_t{16} << 20) + 6 * kMaxGroupFrames * pixels;
-  options.time = std::chrono::seconds(120);
+  options.memory_bytes = (std::uint64_t{256} << 20) + kMaxGroupBytes + bytes_per_pixel * pixels;
+  options.result_bytes = (std::uint64_t{16} << 20) + 6 * frames * pixels;
+  options.time = std::chrono::seconds(kStartSeconds +
+                                      (pixels * frames / kMegapixel + 1) * kSecondsPerMegapixel);
   return options;
 }
 
 }  // namespace
 
 struct GroupDecoder::State {
-  // By the pixels that they accept, rounded up to a power of two.
-  std::map<std::uint64_t, sandbox::DecoderPool> decoders;
+  // By the pixels and frames that they accept, rounded up to powers of two.
+  std::map<std::pair<std::uint64_t, std::uint64_t>, sandbox::DecoderPool> decoders;
   std::mutex mutex;
 
-  const sandbox::DecoderPool& decoders_for(std::uint64_t pixels) {
-    const std::uint64_t most = std::bit_ceil(pixels);
+  const sandbox::DecoderPool& decoders_for(std::uint64_t pixels, std::size_t frames) {
+    const std::pair most{std::bit_ceil(pixels), std::bit_ceil(std::uint64_t{frames})};
     const std::scoped_lock lock(mutex);
-    return decoders.try_emplace(most, group_decoder_options(most)).first->second;
+    return decoders.try_emplace(most, group_decoder_options(most.first, most.second)).first->second;
   }
 };
 
@@ -66,10 +69,10 @@ std::vector<std::vector<std::byte>> GroupDecoder::decode(
   request.write(std::int32_t{size.height});
   request.write(static_cast<std::uint32_t>(frames.size()));
   for (const std::span<const std::byte> frame : frames) request.write_plain(frame);
-  const std::vector<std::byte> answer =
-      state_->decoders_for(pixels_of(size)).decode(request.take(), file, [](const std::string&) {
-        return FileDescriptor(-1);  // it needs no file
-      });
+  const std::vector<std::byte> answer = state_->decoders_for(pixels_of(size), frames.size())
+                                            .decode(request.take(), file, [](const std::string&) {
+                                              return FileDescriptor(-1);  // it needs no file
+                                            });
   std::vector<std::vector<std::byte>> jpegs(frames.size());
   try {
     sandbox::ByteReader reader(answer);

@@ -16,6 +16,9 @@ const char* name_of(VideoCodec codec);
 
 /// Most frames of a group: a frame is decoded with all frames of its group.
 inline constexpr int kMaxGroupFrames = 256;
+/// Most bytes of the stored frames of a group, which are in memory together: those of 20 frames of
+/// 12 megapixels have 0.1 to 0.3 GiB.
+inline constexpr std::uint64_t kMaxGroupBytes = std::uint64_t{1} << 30;
 
 /// What a temporal frame states about itself, so that it is never decoded with wrong references.
 struct FrameLink {

@@ -79,6 +79,9 @@ struct VideoEncoder::State {
 
 double max_crf(VideoCodec codec) { return codec == VideoCodec::kHevc ? 51 : 63; }
 
+// FFmpeg takes 0 of SVT-AV1 for no factor.
+double min_crf(VideoCodec codec) { return codec == VideoCodec::kHevc ? 0 : 1; }
+
 void VideoEncoder::State::open(const Planes& planes) {
   const bool is_hevc = settings.codec == VideoCodec::kHevc;
   const char* const name = is_hevc ? "libx265" : "libsvtav1";

@@ -19,6 +19,8 @@ struct VideoSettings {
 };
 /// Returns the largest rate factor of a codec.
 double max_crf(VideoCodec codec);
+/// Returns the least one, of the best pictures; AV1 takes whole numbers only.
+double min_crf(VideoCodec codec);
 
 /// One encoded picture.
 struct VideoPacket {

@@ -42,7 +42,7 @@ struct Expected {
 class BagChecker {
  public:
   BagChecker(const fs::path& folder, const BagCheckOptions& options)
-      : folder_(folder), options_(options) {}
+      : folder_(folder), options_(options), tag_bytes_left_(options.max_tag_bytes) {}
 
   BagReport run() {
     const Stopwatch watch;
@@ -131,8 +131,16 @@ class BagChecker {
   }
 
   std::optional<std::string> text_of(const std::string& file, BagCheckLevel found_by) {
-    const auto bytes = bytes_of(file, kMaxTagFileBytes, found_by);
+    if (files_.at(file) > tag_bytes_left_) {
+      problem(file,
+              fmt::format("it was not read, because the tag files have more than {} bytes together",
+                          options_.max_tag_bytes),
+              found_by);
+      return std::nullopt;
+    }
+    const auto bytes = bytes_of(file, std::min(kMaxTagFileBytes, tag_bytes_left_), found_by);
     if (!bytes) return std::nullopt;
+    tag_bytes_left_ -= bytes->size();
     TagFileFindings findings;
     auto text = utf8_of_tag_file(*bytes, report_.declaration.encoding, findings);
     add(file, findings, found_by);
@@ -248,7 +256,9 @@ class BagChecker {
     const bool is_version_1 = report_.declaration.version >= kBagVersion1;
     std::map<std::string, std::vector<std::string>> manifests;  // paths of each, sorted
     for (const std::string& file : files_named(kManifestStart)) {
-      if (auto paths = read_manifest_file(file, kManifestStart)) manifests[file] = *paths;
+      if (auto paths = read_manifest_file(file, kManifestStart)) {
+        manifests.emplace(file, std::move(*paths));
+      }
     }
     if (files_named(kManifestStart).empty()) {
       problem("manifest-*.txt", "there is no payload manifest", BagCheckLevel::kCompleteness);
@@ -384,6 +394,7 @@ class BagChecker {
 
   const fs::path folder_;
   const BagCheckOptions& options_;
+  std::uint64_t tag_bytes_left_;
   BagReport report_;
   std::mutex mutex_;
   bool has_payload_folder_ = false;

@@ -47,6 +47,8 @@ struct BagReport {
 
 struct BagCheckOptions {
   BagCheckLevel level = BagCheckLevel::kChecksums;
+  /// Of all tag files that are read, together: their contents are kept while the bag is checked.
+  std::uint64_t max_tag_bytes = std::uint64_t{512} << 20;
   std::function<void(double)> progress;  ///< called with the share done, 0 to 1, from any thread
   std::stop_token stop;
 };

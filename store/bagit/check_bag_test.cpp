@@ -507,5 +507,25 @@ TEST(CheckBag, ProblemsOfHostileBagsAreLimited) {
   EXPECT_EQ(report.omitted_problems, 3000 - BagReport::kMaxListed);
 }
 
+TEST(CheckBag, TagFilesHaveOneLimitTogether) {
+  const TestBag bag;
+  bag.declare();
+  bag.write("data/a", "a");
+  bag.write_manifest("md5");
+  const std::string line = std::string(32, 'a') + "  data/a\n";
+  bag.write("manifest-x1.txt", line);
+  for (const char* const name : {"manifest-x2.txt", "manifest-x3.txt"}) {
+    fs::create_hard_link(bag.path() / "manifest-x1.txt", bag.path() / name);
+  }
+  BagCheckOptions options;
+  options.max_tag_bytes = 4 * line.size();
+  EXPECT_TRUE(check_bag(bag.path(), options).is_valid());
+  --options.max_tag_bytes;
+  const BagReport report = check_bag(bag.path(), options);
+  ASSERT_EQ(report.problems.size(), 1U) << text_of(report.problems);
+  EXPECT_EQ(report.problems[0].file, "manifest-x3.txt");
+  EXPECT_THAT(report.problems[0].what, HasSubstr("more than 163 bytes together"));
+}
+
 }  // namespace check_bag_test
 }  // namespace raystage::store

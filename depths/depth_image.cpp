@@ -9,9 +9,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <exception>
 #include <functional>
+#include <string_view>
 
 #include "base/error.h"
+#include "depths/png_output.h"
 #include "render/depth/imported_maps.h"
 
 namespace raystage::depths {
@@ -138,6 +141,18 @@ InverseDepthMap DepthImageReader::read_png(const fs::path& file,
   return map;
 }
 
+void append_png_bytes(png_structp png, png_bytep data, png_size_t size) {
+  auto& out = *static_cast<std::vector<std::byte>*>(png_get_io_ptr(png));
+  bool is_appended = true;
+  try {
+    const auto* first = reinterpret_cast<const std::byte*>(data);  // NOLINT: bytes are bytes
+    out.insert(out.end(), first, first + size);
+  } catch (const std::exception&) {
+    is_appended = false;  // libpng's jump would skip the end of this handler
+  }
+  if (!is_appended) png_error(png, "out of memory");
+}
+
 std::vector<std::byte> encode_depth_png(const InverseDepthMap& map,
                                         const schemas::DepthRange& range, const std::string& name) {
   std::vector<std::uint16_t> codes;
@@ -150,12 +165,13 @@ std::vector<std::byte> encode_depth_png(const InverseDepthMap& map,
     ~Writer() { png_destroy_write_struct(&png, &info); }
   };
   std::vector<std::byte> bytes;
-  std::string reason;
+  std::array<char, 128> reason{};  // no std::string, which may throw in libpng's frames
   Writer writer;
   writer.png = png_create_write_struct(
       PNG_LIBPNG_VER_STRING, &reason,
       [](png_structp png, png_const_charp message) {
-        *static_cast<std::string*>(png_get_error_ptr(png)) = message;
+        auto& text = *static_cast<std::array<char, 128>*>(png_get_error_ptr(png));
+        std::string_view(message).copy(text.data(), text.size() - 1);
         png_longjmp(png, 1);
       },
       nullptr);
@@ -166,17 +182,10 @@ std::vector<std::byte> encode_depth_png(const InverseDepthMap& map,
     rows.push_back(reinterpret_cast<png_bytep>(codes.data() + map.offset(0, y)));  // NOLINT
   }
   if (setjmp(png_jmpbuf(writer.png)) != 0) {  // NOLINT: libpng has no other way
-    throw Error::failed("the image cannot be encoded: " + reason, name,
-                        "Check that PNG allows the image size");
+    throw Error::failed(fmt::format("the image cannot be encoded: {}", reason.data()), name,
+                        "Check that PNG allows the image size, and the free memory");
   }
-  png_set_write_fn(
-      writer.png, &bytes,
-      [](png_structp png, png_bytep data, png_size_t size) {
-        auto& out = *static_cast<std::vector<std::byte>*>(png_get_io_ptr(png));
-        const auto* first = reinterpret_cast<const std::byte*>(data);  // NOLINT: bytes are bytes
-        out.insert(out.end(), first, first + size);
-      },
-      nullptr);
+  png_set_write_fn(writer.png, &bytes, append_png_bytes, nullptr);
   png_set_IHDR(writer.png, writer.info, static_cast<png_uint_32>(map.width),
                static_cast<png_uint_32>(map.height), 16, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);

@@ -10,6 +10,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "depths/png_output.h"
 #include "images/image_file.h"
 #include "images/png_file.h"
 #include "testing/test_folder.h"
@@ -91,6 +92,29 @@ TEST_F(DepthImages, PngFilesComeBack) {
   const render::InverseDepthMap metres = read("a.png", millimetres);
   EXPECT_EQ(metres.values[0], render::kUnknownDepth);
   EXPECT_FLOAT_EQ(metres.values[2], 1 / 8.738F);
+}
+
+// An exception in the frames of libpng would end the process or leak.
+TEST_F(DepthImages, BytesThatFindNoMemoryAreAnErrorOfLibpng) {
+  std::string reason(64, ' ');  // room for the message
+  png_structp png = png_create_write_struct(
+      PNG_LIBPNG_VER_STRING, &reason,
+      [](png_structp writer, png_const_charp message) {
+        *static_cast<std::string*>(png_get_error_ptr(writer)) = message;
+        png_longjmp(writer, 1);
+      },
+      nullptr);
+  ASSERT_NE(png, nullptr);
+  std::vector<std::byte> bytes(1);  // so that the sum is beyond all vectors
+  png_set_write_fn(png, &bytes, append_png_bytes, nullptr);
+  png_byte data = 0;
+  if (setjmp(png_jmpbuf(png)) == 0) {  // NOLINT: libpng has no other way
+    png_write_chunk_data(png, &data, std::numeric_limits<std::ptrdiff_t>::max());
+    ADD_FAILURE() << "written";
+  }
+  EXPECT_EQ(reason, "out of memory");
+  EXPECT_EQ(bytes.size(), 1U);
+  png_destroy_write_struct(&png, nullptr);
 }
 
 TEST_F(DepthImages, SaysWhatIsMissingOrWrong) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Imports depth maps made elsewhere. Finds the files of the cameras' frames, reads them, converts
 // them to inverse depths (pinholes) or inverse distances (fisheyes) and writes one file each, whose
-// name has the hash of its contents; then the list of all maps, atomically. Files that the list no
-// longer names are removed last. Cost: decoding and encoding, in parallel over the files.
+// name has the hash of its contents; then the list of all maps, atomically. Files that the list
+// does not name are removed last. Cost: decoding and encoding, in parallel over the files.
 #include "depths/import_depths.h"
 
 #include <fmt/format.h>
@@ -25,6 +25,7 @@
 #include "base/options.h"
 #include "base/parallel.h"
 #include "depths/depth_image.h"
+#include "depths/import_lock.h"
 #include "render/depth/imported_maps.h"
 #include "schemas/imported_depths_document.h"
 #include "store/fixity/sha256.h"
@@ -176,11 +177,24 @@ class SourceFinder {
   std::vector<std::string> without_frame_;
 };
 
-/// Throws Error (bad input) if a map has not the shape of the camera's pictures.
+/// Throws Error (bad input) if a map has not the shape of the camera's pictures, or is so small
+/// that rounded sides say little about its shape.
 void require_shape(const render::InverseDepthMap& map, const rig::CameraModel& model,
                    const fs::path& file) {
+  constexpr int kMaxScale = 16, kMinSide = 8;
+  const auto is_small = [&](int side, int of_pictures) {
+    return side < std::min(kMinSide, of_pictures) || (side + 1) * kMaxScale <= of_pictures;
+  };
+  if (is_small(map.width, model.width()) || is_small(map.height, model.height())) {
+    throw Error::bad_input(
+        fmt::format("the depth map has {}x{} pixels, allowed: at least {} and a {}th of the "
+                    "camera's pictures, {}x{}, along each side",
+                    map.width, map.height, kMinSide, kMaxScale, model.width(), model.height()),
+        file.string(), "Export larger depth maps");
+  }
   const double width = model.width(), height = model.height();
-  // Sides of scaled maps are rounded to whole pixels.
+  // Sides of scaled maps are rounded to whole pixels, up or down: the shorter one may differ by one
+  // pixel from that of the longer one's scale.
   const double difference = std::abs(map.width * height - map.height * width);
   if (difference <= std::max(width, height)) return;
   throw Error::bad_input(
@@ -209,7 +223,7 @@ bool is_implausible(const render::InverseDepthMap& map,
 class Importer {
  public:
   Importer(const store::Take& take, const fs::path& folder, const DepthImportOptions& options)
-      : take_(take), folder_(folder), options_(options) {}
+      : take_(take), folder_(folder), options_(options), lock_(take) {}
   Importer(const Importer&) = delete;
   Importer& operator=(const Importer&) = delete;
   ~Importer() {
@@ -236,6 +250,7 @@ class Importer {
       options_.progress(static_cast<double>(++done) / static_cast<double>(sources.size()));
     });
     DepthImportReport report = list(document, sources, maps);
+    lock_.remove_unlisted(take_, document);
     const auto odd = std::ranges::count(is_odd, 1);
     if (odd > 0) {
       report.notes.push_back(
@@ -358,6 +373,7 @@ class Importer {
   const store::Take& take_;
   const fs::path& folder_;
   const DepthImportOptions& options_;
+  ImportLock lock_;  ///< held until the destructor has removed files
   DepthImageReader reader_;
   std::vector<std::string> written_;  ///< new files, removed unless the list names them
   bool is_listed_ = false;

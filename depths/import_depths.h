@@ -37,9 +37,12 @@ struct DepthImportReport {
 /// Stores depth images in a take (docs/formats/depth.md). `folder`: CAMERA/000001.exr or .png, or
 /// CAMERA.exr or .png if the take has one light field frame. The maps cover the whole recorded
 /// pictures, with their lens distortion, at any resolution. The list of maps is written last and
-/// atomically: after an error the take has the maps that it had before. Throws Error (bad input)
-/// for unknown cameras, numbers beyond the take, maps of another shape than the pictures, maps that
-/// exist unless `overwrites`, and files that cannot be read; Error (failed) if it was stopped.
+/// atomically: after an error the take has the maps that it had before. Files of maps that the list
+/// does not name, such as those of a killed import, are removed then. Throws Error (bad input)
+/// for unknown cameras, numbers beyond the take, maps of another shape than the pictures or with a
+/// side below 8 pixels or a sixteenth of theirs, maps that exist unless `overwrites`, and files
+/// that cannot be read; Error (failed) if it was stopped, or if another import into the take is
+/// running.
 DepthImportReport import_depths(const store::Take& take, const std::filesystem::path& folder,
                                 const DepthImportOptions& options, const std::stop_token& stop);
 

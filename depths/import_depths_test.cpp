@@ -9,6 +9,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/atomic_file.h"
@@ -240,6 +241,11 @@ TEST_F(ImportDepths, NamesWhatIsWrong) {
   fs::remove(maps() / id / "first.exr");
   images::write_depth_image(96, 96, std::vector<float>(96UL * 96, 2), maps() / id / "000001.exr");
   EXPECT_THAT(refusal(take), AllOf(HasSubstr("96x96"), HasSubstr("the shapes differ")));
+  for (const auto& [width, height] : {std::pair{1, 1}, std::pair{8, 6}, std::pair{95, 1}}) {
+    const std::vector<float> z(static_cast<std::size_t>(width * height), 2);
+    images::write_depth_image(width, height, z, maps() / id / "000001.exr");
+    EXPECT_THAT(refusal(take), HasSubstr("allowed: at least 8 and a 16th"));
+  }
   EXPECT_EQ(stored_maps(take), 0U);
   fs::remove_all(maps());
   fs::create_directory_symlink("/etc", (create_folder(maps()), maps() / id));
@@ -261,6 +267,49 @@ TEST_F(ImportDepths, ExistingMapsAreReplacedOnRequestOnly) {
   const Document document = render::read_imported_depths(take);
   EXPECT_EQ(document.imports.size(), 1U);
   EXPECT_THAT(document.imports[0].encoding, HasSubstr("1.5 m a unit"));
+}
+
+TEST_F(ImportDepths, OneImportAtATime) {
+  const store::Take take = write_step(1, 2);
+  write_maps(take);
+  DepthImportOptions options;
+  options.overwrites = true;
+  options.progress = [&](double) {  // as if another process began now
+    try {
+      import_depths(take, maps(), {}, {});
+      ADD_FAILURE() << "two imports at a time";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+      EXPECT_THAT(error.what(), AllOf(HasSubstr("another import of depth maps into this take"),
+                                      HasSubstr("imported_depth"), HasSubstr("when it has ended")));
+    }
+  };
+  EXPECT_EQ(import_depths(take, maps(), options, {}).maps, 2U);
+  options.progress = [](double) {};
+  EXPECT_EQ(import_depths(take, maps(), options, {}).replaced, 2U);  // the lock has ended
+}
+
+TEST_F(ImportDepths, MapsOfKilledImportsAreRemoved) {
+  const store::Take take = write_step(1, 2);
+  write_maps(take);
+  const fs::path folder = take.folder() / Document::kFolder / take.document().cameras[0].id;
+  const fs::path outside = folder_.path() / "outside.zst";
+  create_folder(folder);
+  for (const char* const name : {"000000.0123456789abcdef.zst", "000007.0123456789abcdef.zst",
+                                 ".000000.0123456789abcdef.zst.host.1.01.tmp.zst", "notes.txt"}) {
+    write_file_atomically(folder / name, "killed");
+  }
+  write_file_atomically(outside, "of others");
+  fs::create_symlink(outside, folder / "link.zst");
+  import_depths(take, maps(), {}, {});
+  const std::string kept = render::read_imported_depths(take).cameras[0].maps[0].file;
+  std::set<std::string> found;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    found.insert(entry.path().filename().string());
+  }
+  EXPECT_EQ(found,
+            (std::set<std::string>{fs::path(kept).filename().string(), "link.zst", "notes.txt"}));
+  EXPECT_TRUE(fs::exists(outside));
 }
 
 TEST_F(ImportDepths, ImplausibleUnitsAreNoted) {

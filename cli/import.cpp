@@ -52,8 +52,9 @@ constexpr const char* kDescription =
     "With --depth TAKE it is a folder of depth maps: CAMERA/000001.exr or .png, or CAMERA.exr or\n"
     ".png if the take is a still light field. EXR files hold metres; PNG files hold codes of 16\n"
     "bits, for which --depth-near or --depth-unit is needed. 0, infinity and NaN are unknown\n"
-    "depths. Maps cover the whole recorded pictures, with their lens distortion, at any\n"
-    "resolution. depth, lumigraph on depths and merging use them in place of estimated depths.";
+    "depths. Maps cover the whole recorded pictures, with their lens distortion, and have at\n"
+    "least 8 pixels and a sixteenth of the pictures' along each side. depth, lumigraph on depths "
+    "and merging use them in place of estimated depths.";
 
 struct Options {
   std::filesystem::path manifest, take;

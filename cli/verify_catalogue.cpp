@@ -35,6 +35,7 @@ std::string utc_text(Nanoseconds time) {
 
 std::string_view state_of(const Entry& entry) {
   if (entry.is_missing()) return "missing";
+  if (entry.is_unreachable) return "unreachable";
   if (!entry.take.last_check) return "not_checked";
   return schemas::name_of(entry.take.last_check->result);
 }
@@ -72,6 +73,9 @@ void print_summary(const store::CatalogueReport& report) {
     if (entry.is_missing()) {
       print("  {}: missing since {}, last intact {}\n", entry.take.path,
             utc_text(*entry.take.missing_since_utc),
+            entry.take.last_intact_utc ? utc_text(*entry.take.last_intact_utc) : "never");
+    } else if (entry.is_unreachable) {
+      print("  {}: cannot be read and was not checked, last intact {}\n", entry.take.path,
             entry.take.last_intact_utc ? utc_text(*entry.take.last_intact_utc) : "never");
     } else if (!entry.was_checked && entry.take.last_check && !entry.is_good()) {
       print("  {}: {} since {}; repair it, or restore it from a copy\n", entry.take.path,
@@ -141,12 +145,16 @@ void add_catalogue_options(CommandLine& command, CatalogueCommandOptions& option
       .needs("--catalogue");
   command
       .flag("--report", options.only_reports,
-            "Check nothing: report what the catalogue says, and which takes are due")
+            "Check and write nothing: report what the catalogue says, and which takes are due")
       .needs("--catalogue");
   command
       .flag("--forget-missing", options.forgets_missing,
-            "Remove takes from the catalogue that are no longer there")
-      .needs("--catalogue");
+            "Remove takes from the catalogue that are no longer there. None is removed while a "
+            "folder "
+            "cannot be read or if no take is left, and none below a folder that is empty: its disk "
+            "may not be mounted")
+      .needs("--catalogue")
+      .excludes("--report");
 }
 
 ExitCode verify_catalogue(const CatalogueCommandOptions& options, const std::string& json,

@@ -14,14 +14,17 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <system_error>
 #include <utility>
 
 #include "base/atomic_file.h"
 #include "base/contained_path.h"
 #include "base/error.h"
+#include "base/posix_file.h"
 #include "base/stopwatch.h"
 #include "schemas/take_document.h"
+#include "store/catalogue/catalogue_lock.h"
 #include "store/catalogue/find_takes.h"
 #include "store/catalogue/read_pace.h"
 #include "store/fixity/verify.h"
@@ -35,17 +38,12 @@ using Result = FixityCatalogue::Result;
 
 constexpr std::size_t kProblemsKept = 20;
 
-/// Locks a catalogue for the lifetime of the object. The lock file stays: removing it would let a
-/// third process lock another file of the same name.
-std::unique_ptr<OutputFile> lock_catalogue(const fs::path& catalogue) {
-  const fs::path file = catalogue.parent_path() / ("." + catalogue.filename().string() + ".lock");
+/// Returns 0 if it cannot be read, or is a link or behind one.
+std::uint64_t size_of(const ContainedPath& file) {
   try {
-    const auto how = file_exists(file) ? OutputFile::Open::kExisting : OutputFile::Open::kNew;
-    return std::make_unique<OutputFile>(file, how);
-  } catch (const Error& error) {
-    throw Error::failed(
-        "the catalogue is used by another check of these takes, or cannot be locked",
-        catalogue.string(), "Wait until that check has ended (" + error.what_happened() + ")");
+    return InputFile(file).size();
+  } catch (const Error&) {
+    return 0;
   }
 }
 
@@ -57,9 +55,7 @@ std::pair<std::uint64_t, std::string> size_and_name(const fs::path& folder) {
     std::uint64_t bytes = 0;
     for (const auto& camera : document.cameras) {
       for (const std::string& file : {camera.archive, camera.journal}) {
-        std::error_code error;
-        const auto size = fs::file_size(folder / file, error);
-        if (!error) bytes += size;
+        bytes += size_of(ContainedPath{folder, file});
       }
     }
     return {bytes, document.name};
@@ -103,8 +99,10 @@ class Checker {
       throw Error::bad_input("this is no folder that can be read", folder.string(),
                              "Name the folder that holds the takes");
     }
-    lock_ = lock_catalogue(fs::absolute(file_));
-    remove_abandoned_temporary_files(file_, Owners::kAll);
+    if (!options.only_reports) {
+      lock_ = std::make_unique<CatalogueLock>(fs::absolute(file_));
+      remove_abandoned_temporary_files(file_, lock_->is_held() ? Owners::kAll : Owners::kEnded);
+    }
     if (file_exists(file_)) catalogue_ = schemas::read_fixity_catalogue(file_);
   }
 
@@ -113,8 +111,8 @@ class Checker {
     find();
     const std::vector<std::size_t> due = due_takes();
     for (const std::size_t i : due) bytes_due_ += sizes_[i];
-    save();
     if (!options_.only_reports) {
+      save();
       for (const std::size_t i : due) {
         if (options_.stop.stop_requested()) break;
         check(i);
@@ -136,10 +134,13 @@ class Checker {
 
   /// Compares the folder with the catalogue.
   void find() {
-    FoundTakes found = find_takes(folder_);
-    report_.problems = std::move(found.problems);
+    const FoundTakes found = find_takes(folder_);
+    for (const auto& problem : found.problems) {
+      report_.problems.push_back(problem.path + ": " + problem.what);
+    }
     std::map<std::string, FixityCatalogue::Take> known;
     for (FixityCatalogue::Take& entry : catalogue_.takes) known[entry.path] = std::move(entry);
+    const bool forgets = options_.forgets_missing && may_forget(found, !known.empty());
     std::map<std::string, bool> is_new;
     for (const std::string& path : found.paths) {
       auto [entry, was_added] = known.try_emplace(path);
@@ -151,35 +152,95 @@ class Checker {
       entry->second.missing_since_utc.reset();
     }
     catalogue_.takes.clear();
+    std::set<std::string> absent_disks;
     for (auto& [path, entry] : known) {
-      if (!is_new.contains(path)) {
-        if (options_.forgets_missing) continue;
+      if (!is_new.contains(path) && !is_hidden_by_problem(path, found)) {
+        const std::string disk = forgets ? empty_folder_of(path, found) : "";
+        if (forgets && disk.empty()) continue;
+        if (!disk.empty()) absent_disks.insert(disk);
         if (!entry.missing_since_utc) entry.missing_since_utc = options_.now_utc;
       }
       catalogue_.takes.push_back(std::move(entry));
     }
+    for (const std::string& disk : absent_disks) {
+      report_.problems.push_back(disk +
+                                 ": the folder is empty, as if a disk were not mounted; no take "
+                                 "below was forgotten. Mount the disk, or remove the folder");
+    }
     for (std::size_t i = 0; i < catalogue_.takes.size(); ++i) {
-      CatalogueEntry& entry = report_.takes.emplace_back();
-      const bool is_there = !take(i).missing_since_utc;
-      entry.is_new = is_there && is_new[take(i).path];
-      states_.push_back(is_there ? state_of_take(folder_of(i)) : "");
-      auto [bytes, name] = is_there ? size_and_name(folder_of(i))
-                                    : std::pair<std::uint64_t, std::string>(0, take(i).name);
-      sizes_.push_back(bytes);
-      if (!name.empty()) take(i).name = std::move(name);
+      const auto entry = is_new.find(take(i).path);
+      report_.takes.emplace_back().is_new = entry != is_new.end() && entry->second;
+      states_.emplace_back();
+      sizes_.push_back(0);
+      if (entry != is_new.end()) read(i);
+      report_.takes[i].is_unreachable = !take(i).missing_since_utc && !states_[i];
+      if (take(i).progress && is_outdated(*take(i).progress)) take(i).progress.reset();
     }
   }
 
+  /// Returns whether takes that are not there may be removed; if not, adds the reason to the
+  /// problems.
+  bool may_forget(const FoundTakes& found, bool are_takes_known) {
+    if (!found.problems.empty()) {
+      report_.problems.push_back(
+          "no take was forgotten, because takes may be in folders that cannot be read. Make them "
+          "readable and repeat the run");
+      return false;
+    }
+    if (found.paths.empty() && are_takes_known) {
+      report_.problems.push_back("no take was forgotten, because none at all is left below " +
+                                 folder_.string() +
+                                 ". Mount the disk that holds them, or, if they are gone, remove "
+                                 "the catalogue " +
+                                 file_.string());
+      return false;
+    }
+    return true;
+  }
+  static bool is_hidden_by_problem(const std::string& path, const FoundTakes& found) {
+    return std::ranges::any_of(found.problems, [&](const FoundTakes::Problem& problem) {
+      return is_at_or_below(path, problem.path);
+    });
+  }
+  /// Returns the folder without entries that held the take, or an empty text.
+  static std::string empty_folder_of(const std::string& path, const FoundTakes& found) {
+    const auto empty = std::ranges::find_if(found.empty_folders, [&](const std::string& folder) {
+      return is_at_or_below(path, folder);
+    });
+    return empty == found.empty_folders.end() ? "" : *empty;
+  }
+
+  /// Reads the state, the size and the name of a take that was found.
+  void read(std::size_t i) {
+    auto [bytes, name] = size_and_name(folder_of(i));
+    sizes_[i] = bytes;
+    if (!name.empty()) take(i).name = std::move(name);
+    try {
+      states_[i] = state_of_take(folder_of(i));
+    } catch (const Error& error) {
+      report_.problems.emplace_back(error.what());
+    }
+  }
+
+  /// Returns the time from a check until the next one.
+  Nanoseconds wait() const {
+    constexpr double kSecondsPerDay = 86'400, kMostDays = 36'500;
+    return static_cast<Nanoseconds>(std::clamp(options_.due_days, 0.0, kMostDays) * kSecondsPerDay *
+                                    kNsPerS);
+  }
+  /// What was read so long ago is due itself, and says nothing about the frames now. A beginning in
+  /// the future: the clock was wrong then.
+  bool is_outdated(const FixityCatalogue::Progress& progress) const {
+    return progress.started_utc < options_.now_utc - wait() ||
+           progress.started_utc > options_.now_utc + kNanosecondsPerSecond;
+  }
   Nanoseconds due_utc(std::size_t i) {
     if (!take(i).last_check) return 0;
-    constexpr double kSecondsPerDay = 86'400, kMostDays = 36'500;
-    const auto wait = static_cast<Nanoseconds>(std::clamp(options_.due_days, 0.0, kMostDays) *
-                                               kSecondsPerDay * kNsPerS);
     const Nanoseconds checked = take(i).last_check->finished_utc;
-    return checked > std::numeric_limits<Nanoseconds>::max() - wait ? checked : checked + wait;
+    return checked > std::numeric_limits<Nanoseconds>::max() - wait() ? checked : checked + wait();
   }
   bool is_changed(std::size_t i) {
-    return take(i).last_check && take(i).last_check->state != states_[i];
+    return states_[i] && take(i).last_check && take(i).last_check->state != *states_[i];
   }
   bool is_due(std::size_t i) {
     if (take(i).missing_since_utc) return false;
@@ -189,11 +250,12 @@ class Checker {
            take(i).last_check->finished_utc > options_.now_utc + kNanosecondsPerSecond;
   }
 
-  /// Those of an interrupted run first, then by the time at which they became due.
+  /// Returns those that can be read: of an interrupted run first, then by the time at which they
+  /// became due.
   std::vector<std::size_t> due_takes() {
     std::vector<std::size_t> due;
     for (std::size_t i = 0; i < catalogue_.takes.size(); ++i) {
-      if (is_due(i)) due.push_back(i);
+      if (is_due(i) && states_[i]) due.push_back(i);
     }
     std::ranges::stable_sort(due, {}, [&](std::size_t i) {
       return std::pair(!take(i).progress.has_value(), is_changed(i) ? 0 : due_utc(i));
@@ -210,7 +272,7 @@ class Checker {
   void check(std::size_t i) {
     const Stopwatch watch;
     FixityCatalogue::Check result;
-    result.state = states_[i];
+    result.state = *states_[i];
     result.bytes = static_cast<std::int64_t>(sizes_[i]);
     try {
       const TakeFixityReport report = verify(i);
@@ -259,14 +321,14 @@ class Checker {
         schemas::read_take(ContainedPath{folder_of(i), "take.json"});
     std::vector<FixityCatalogue::Camera> cameras;
     for (const auto& camera : document.cameras) cameras.push_back({camera.id, 0, false});
-    if (progress && progress->state == states_[i]) {
+    if (progress && progress->state == *states_[i]) {
       for (FixityCatalogue::Camera& camera : cameras) {
         const auto known =
             std::ranges::find(progress->cameras, camera.id, &FixityCatalogue::Camera::id);
         if (known != progress->cameras.end()) camera = *known;
       }
     } else {
-      progress = FixityCatalogue::Progress{options_.now_utc, states_[i], {}};
+      progress = FixityCatalogue::Progress{options_.now_utc, *states_[i], {}};
     }
     for (const FixityCatalogue::Camera& camera : cameras) {
       options.checked.push_back({camera.frames, camera.is_complete});
@@ -301,10 +363,10 @@ class Checker {
   const fs::path folder_;
   const CatalogueOptions& options_;
   const fs::path file_;
-  std::unique_ptr<OutputFile> lock_;
+  std::unique_ptr<CatalogueLock> lock_;  // none if it only reports
   FixityCatalogue catalogue_;
-  std::vector<std::string> states_;   // of each take now
-  std::vector<std::uint64_t> sizes_;  // of each take, bytes
+  std::vector<std::optional<std::string>> states_;  // of each take now, if it can be read
+  std::vector<std::uint64_t> sizes_;                // of each take, bytes
   std::uint64_t bytes_due_ = 0, bytes_done_ = 0;
   ReadPace pace_;
   std::mutex mutex_;
@@ -316,7 +378,8 @@ class Checker {
 }  // namespace
 
 bool CatalogueEntry::is_good() const {
-  return !is_missing() && take.last_check && take.last_check->result == Result::kIntact;
+  return !is_missing() && !is_unreachable && take.last_check &&
+         take.last_check->result == Result::kIntact;
 }
 
 bool CatalogueReport::is_good() const {

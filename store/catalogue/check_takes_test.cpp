@@ -5,14 +5,22 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <array>
+#include <barrier>
 #include <cstdlib>
-#include <map>
+#include <optional>
+#include <thread>
+#include <vector>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/posix_file.h"
+#include "store/catalogue/catalogue_lock.h"
+#include "store/catalogue/find_takes.h"
 #include "store/take.h"
 #include "testing/store/sparse_take.h"
 #include "testing/test_folder.h"
+#include "testing/test_permissions.h"
 
 namespace raystage::store {
 namespace {
@@ -57,6 +65,40 @@ class CheckTakes : public ::testing::Test {
     bytes[offset + 4] ^= std::byte{1};
     testing::overwrite(file, bytes);
     fs::last_write_time(file, secretly ? time : time + std::chrono::seconds(1));
+  }
+  /// Leaves a take of 400 frames, whose check is stopped after a third.
+  CatalogueReport stop_within_a_take() {
+    for (const char* name : {"a", "group"}) fs::remove_all(folder.path() / name);
+    write("long", 400, 1);
+    std::stop_source stop;
+    options.stop = stop.get_token();
+    options.progress = [&](double share) {
+      if (share > 0.3) stop.request_stop();
+    };
+    CatalogueReport report = run();
+    options.stop = {};
+    options.progress = {};
+    return report;
+  }
+  fs::path lock_file() const {
+    return folder.path() / (std::string(".") + kCatalogueFile + ".lock");
+  }
+  /// Returns a line for each take after a run without root's permissions, and the problems. The
+  /// catalogue has to be new enough that nothing is checked: threads do not survive fork().
+  std::string run_as_nobody() {
+    return testing::run_unprivileged([&] {
+      const CatalogueReport report = run(kStart + kDay);
+      std::string text;
+      for (const CatalogueEntry& found : report.takes) {
+        const char* const state = found.is_missing()     ? "missing"
+                                  : found.is_unreachable ? "unreachable"
+                                  : found.is_good()      ? "good"
+                                                         : "bad";
+        text += found.take.path + " " + state + "\n";
+      }
+      for (const std::string& problem : report.problems) text += problem + "\n";
+      return text;
+    });
   }
   static const CatalogueEntry& entry(const CatalogueReport& report, const std::string& path) {
     for (const CatalogueEntry& found : report.takes) {
@@ -130,14 +172,7 @@ TEST_F(CheckTakes, RotThatLeavesNoTraceIsFoundWhenTheTakeIsDue) {
 }
 
 TEST_F(CheckTakes, AStoppedRunIsContinuedWhereItWas) {
-  for (const char* name : {"a", "group"}) fs::remove_all(folder.path() / name);
-  write("long", 400, 1);
-  std::stop_source stop;
-  options.stop = stop.get_token();
-  options.progress = [&](double share) {
-    if (share > 0.3) stop.request_stop();
-  };
-  const CatalogueReport stopped = run();
+  const CatalogueReport stopped = stop_within_a_take();
   EXPECT_EQ(stopped.status, RunStatus::kStopped);
   const auto& progress = entry(stopped, "long").take.progress;
   ASSERT_TRUE(progress);
@@ -146,8 +181,6 @@ TEST_F(CheckTakes, AStoppedRunIsContinuedWhereItWas) {
 
   // A frame that was checked is not read again: what happens to it meanwhile is not found. The
   // others are read.
-  options.stop = {};
-  options.progress = {};
   flip("long", 0, true);
   EXPECT_TRUE(run(kStart + kDay).is_good());
   EXPECT_FALSE(entry(run(kStart + kDay), "long").take.progress);
@@ -155,30 +188,165 @@ TEST_F(CheckTakes, AStoppedRunIsContinuedWhereItWas) {
 }
 
 TEST_F(CheckTakes, AChangedTakeIsCheckedFromItsBeginning) {
-  for (const char* name : {"a", "group"}) fs::remove_all(folder.path() / name);
-  write("long", 400, 1);
-  std::stop_source stop;
-  options.stop = stop.get_token();
-  options.progress = [&](double share) {
-    if (share > 0.3) stop.request_stop();
-  };
-  run();
-  options.stop = {};
-  options.progress = {};
+  stop_within_a_take();
   flip("long", 0, false);
   EXPECT_FALSE(run().is_good());
 }
 
+TEST_F(CheckTakes, FramesReadLongAgoAreReadAgain) {
+  stop_within_a_take();
+  flip("long", 0, true);
+  const CatalogueReport report = run(kStart + 91 * kDay);
+  EXPECT_EQ(entry(report, "long").take.last_check->result, Result::kDamaged);
+}
+
+TEST_F(CheckTakes, ProgressOfTheFutureIsNotContinued) {
+  stop_within_a_take();
+  flip("long", 0, true);
+  EXPECT_FALSE(run(kStart - kDay).is_good());
+}
+
+TEST_F(CheckTakes, NoTakeIsForgottenWhileAFolderCannotBeRead) {
+  run();
+  const std::string skip = testing::unprivileged_access_error(folder.path().parent_path());
+  if (!skip.empty()) GTEST_SKIP() << skip;
+  testing::make_world_writable(folder.path());
+  fs::remove_all(folder.path() / "a");
+  write("d");  // so that a take is left
+  run();
+  testing::make_world_writable(folder.path());
+  fs::permissions(folder.path() / "group", fs::perms::none);
+  options.forgets_missing = true;
+  EXPECT_THAT(run_as_nobody(),
+              ::testing::MatchesRegex("a missing\nd good\ngroup/b unreachable\ngroup/c "
+                                      "unreachable\ngroup: the folder cannot be read.*\nno take "
+                                      "was forgotten.*cannot be read.*\n"));
+  fs::permissions(folder.path() / "group", fs::perms::all);
+  EXPECT_EQ(run_as_nobody(), "d good\ngroup/b good\ngroup/c good\n");
+}
+
+TEST_F(CheckTakes, NoTakeIsForgottenIfNoneIsLeft) {
+  const testing::TestFolder elsewhere;
+  options.file = elsewhere.path() / "catalogue.json";
+  run();
+  for (const char* name : {"a", "group"}) fs::remove_all(folder.path() / name);
+  options.forgets_missing = true;
+  const CatalogueReport report = run(kStart + kDay);
+  EXPECT_EQ(report.takes.size(), 3U);
+  EXPECT_THAT(report.problems, ElementsAre(HasSubstr("Mount the disk")));
+  EXPECT_EQ(run(kStart + 2 * kDay).takes.size(), 3U) << "they are in the catalogue";
+}
+
+TEST_F(CheckTakes, NoTakeOfAnEmptyFolderIsForgotten) {
+  write("disk/d");
+  run();
+  fs::remove_all(folder.path() / "a");
+  fs::remove_all(folder.path() / "disk" / "d");  // as if it were not mounted
+  options.forgets_missing = true;
+  const CatalogueReport report = run(kStart + kDay);
+  EXPECT_EQ(report.takes.size(), 3U) << "a is forgotten";
+  EXPECT_EQ(entry(report, "disk/d").take.missing_since_utc, kStart + kDay);
+  EXPECT_THAT(report.problems, ElementsAre(HasSubstr("disk: the folder is empty")));
+  fs::remove(folder.path() / "disk");
+  const CatalogueReport removed = run(kStart + kDay);
+  EXPECT_EQ(removed.takes.size(), 2U);
+  EXPECT_TRUE(removed.is_good());
+}
+
+TEST_F(CheckTakes, ATakeWithAnUnreadableFolderKeepsWhatIsKnown) {
+  const CatalogueReport before = run();
+  const std::string skip = testing::unprivileged_access_error(folder.path().parent_path());
+  if (!skip.empty()) GTEST_SKIP() << skip;
+  testing::make_world_writable(folder.path());
+  fs::permissions(folder.path() / "a" / "archive", fs::perms::none);
+  EXPECT_THAT(run_as_nobody(),
+              ::testing::MatchesRegex("a unreachable\ngroup/b good\ngroup/c "
+                                      "good\n.*/a/archive: the take cannot be checked.*\n"));
+  fs::permissions(folder.path() / "a" / "archive", fs::perms::all);
+  const CatalogueReport after = run(kStart + kDay);
+  EXPECT_THAT(checked, IsEmpty());
+  EXPECT_EQ(entry(after, "a").take.last_check->state, entry(before, "a").take.last_check->state);
+  EXPECT_TRUE(after.is_good());
+}
+
+TEST_F(CheckTakes, LinksNeitherCountAsFilesNorAddToTheSize) {
+  const testing::TestFolder elsewhere;
+  const fs::path target = elsewhere.path() / "target";
+  write_file_atomically(target, std::string_view("1"));
+  const std::string state = state_of_take(folder.path() / "a");
+  fs::create_symlink(target, folder.path() / "a" / "link");
+  EXPECT_EQ(state_of_take(folder.path() / "a"), state);
+
+  constexpr std::int64_t kSize = 1'000'000'000;
+  fs::resize_file(target, kSize);  // sparse
+  const fs::path archive = folder.path() / "a" / "archive" / "c0.mkv";
+  fs::remove(archive);
+  fs::create_symlink(target, archive);
+  EXPECT_LT(entry(run(), "a").take.last_check->bytes, kSize);
+}
+
+TEST_F(CheckTakes, AReportChangesNothing) {
+  options.only_reports = true;
+  EXPECT_TRUE(entry(run(), "a").is_new);
+  EXPECT_FALSE(fs::exists(folder.path() / kCatalogueFile));
+  EXPECT_FALSE(fs::exists(lock_file()));
+  options.only_reports = false;
+  EXPECT_TRUE(entry(run(), "a").is_new) << "the report did not mark it as seen";
+
+  const std::string catalogue = read_file(folder.path() / kCatalogueFile);
+  fs::remove_all(folder.path() / "a");
+  options.only_reports = true;
+  const OutputFile lock(lock_file(), OutputFile::Open::kExisting);
+  EXPECT_TRUE(entry(run(kStart + kDay), "a").is_missing());
+  EXPECT_EQ(read_file(folder.path() / kCatalogueFile), catalogue);
+}
+
 TEST_F(CheckTakes, ASecondRunIsRefused) {
   run();
-  const OutputFile lock(folder.path() / (std::string(".") + kCatalogueFile + ".lock"),
-                        OutputFile::Open::kExisting);
+  const OutputFile lock(lock_file(), OutputFile::Open::kExisting);
   try {
     run();
     ADD_FAILURE() << "two runs used one catalogue";
   } catch (const Error& error) {
     EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
     EXPECT_THAT(error.what(), HasSubstr("used by another check"));
+  }
+}
+
+TEST_F(CheckTakes, OtherErrorsOfTheLockAreNoOtherRun) {
+  fs::create_directory(lock_file());
+  try {
+    run();
+    ADD_FAILURE() << "a run without a lock file";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+    EXPECT_THAT(error.what(), HasSubstr("cannot be opened for writing"));
+    EXPECT_THAT(error.what(), ::testing::Not(HasSubstr("another check")));
+  }
+}
+
+TEST_F(CheckTakes, OfTwoFirstRunsOneHasTheLock) {
+  struct Run {
+    std::optional<CatalogueLock> lock;
+    std::string error;
+  };
+  for (int round = 0; round < 200; ++round) {
+    const fs::path catalogue = folder.path() / std::to_string(round);
+    std::array<Run, 2> runs;
+    std::barrier start(2);
+    const auto begin = [&](Run& mine) {
+      start.arrive_and_wait();
+      try {
+        mine.lock.emplace(catalogue);
+      } catch (const Error& error) {
+        mine.error = error.what();
+      }
+    };
+    std::jthread other([&] { begin(runs[1]); });
+    begin(runs[0]);
+    other.join();
+    ASSERT_NE(runs[0].lock.has_value(), runs[1].lock.has_value());
+    ASSERT_THAT(runs[0].error + runs[1].error, HasSubstr("another check"));
   }
 }
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <system_error>
 
+#include "base/error.h"
 #include "store/fixity/event_log.h"
 
 namespace raystage::store {
@@ -14,39 +15,85 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_hidden(const fs::path& path) { return path.filename().string().starts_with("."); }
+/// Names in a folder but hidden ones and links.
+struct FolderListing {
+  std::vector<fs::path> folders, files;
+  bool is_empty = true;   // also of hidden files and links
+  std::error_code error;  // the names are not complete
+};
 
-bool has_take_document(const fs::path& folder) {
+bool is_gone(const std::error_code& error) { return error == std::errc::no_such_file_or_directory; }
+
+FolderListing list_folder(const fs::path& folder) {
+  FolderListing listing;
   std::error_code error;
-  return fs::symlink_status(folder / "take.json", error).type() == fs::file_type::regular;
+  fs::directory_iterator entry(folder, error);
+  for (const fs::directory_iterator end; !error && entry != end; entry.increment(error)) {
+    listing.is_empty = false;
+    const fs::path name = entry->path().filename();
+    if (name.string().starts_with(".")) continue;
+    std::error_code of_entry;
+    const fs::file_type type = fs::symlink_status(entry->path(), of_entry).type();
+    if (type == fs::file_type::directory) listing.folders.push_back(name);
+    if (type == fs::file_type::regular) listing.files.push_back(name);
+    if (type == fs::file_type::none) listing.error = of_entry;
+  }
+  if (error) listing.error = error;
+  return listing;
 }
 
 void search(const fs::path& top, const fs::path& relative, int depth, FoundTakes& found) {
   constexpr int kMaxDepth = 64;
   const fs::path folder = relative.empty() ? top : top / relative;
-  if (has_take_document(folder)) {
-    found.paths.push_back(relative.empty() ? "." : relative.string());
+  const std::string name = relative.empty() ? "." : relative.string();
+  const auto add_problem = [&](const std::error_code& error) {
+    found.problems.push_back({name, "the folder cannot be read: " + error.message()});
+  };
+  std::error_code error;
+  const fs::file_type document = fs::symlink_status(folder / "take.json", error).type();
+  if (document == fs::file_type::none) return add_problem(error);
+  if (document == fs::file_type::regular) {
+    found.paths.push_back(name);
     return;
   }
   if (depth >= kMaxDepth) {
-    found.problems.push_back(relative.string() + ": more than 64 folders within each other");
+    found.problems.push_back({name, "more than 64 folders within each other"});
     return;
   }
-  std::error_code error;
-  std::vector<fs::path> folders;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error)) {
-    std::error_code of_entry;
-    if (entry->symlink_status(of_entry).type() == fs::file_type::directory &&
-        !is_hidden(entry->path())) {
-      folders.push_back(entry->path().filename());
-    }
+  const FolderListing listing = list_folder(folder);
+  if (listing.error) {
+    add_problem(listing.error);
+  } else if (listing.is_empty) {
+    found.empty_folders.push_back(name);
   }
-  if (error) {
-    found.problems.push_back((relative.empty() ? "." : relative.string()) +
-                             ": the folder cannot be read: " + error.message());
+  for (const fs::path& below : listing.folders) search(top, relative / below, depth + 1, found);
+}
+
+/// Appends a line for each file below a folder of a take.
+void add_state(const fs::path& take, const fs::path& relative, std::vector<std::string>& lines) {
+  const fs::path folder = relative.empty() ? take : take / relative;
+  const auto require = [](const std::error_code& error, const fs::path& path) {
+    if (!error) return;
+    throw Error::failed(
+        "the take cannot be checked, because this cannot be read: " + error.message(),
+        path.string(), "Check its permissions and the disk");
+  };
+  const FolderListing listing = list_folder(folder);
+  require(listing.error, folder);
+  for (const fs::path& file : listing.files) {
+    const fs::path name = relative / file;
+    if (name == kEventLogFile) continue;  // which every check makes longer
+    std::error_code error;
+    const auto size = fs::file_size(take / name, error);
+    const auto changed = error ? fs::file_time_type() : fs::last_write_time(take / name, error);
+    if (is_gone(error)) continue;
+    require(error, take / name);
+    lines.push_back(
+        fmt::format("{}\n{}\n{}\n", name.string(), size, changed.time_since_epoch().count()));
   }
-  for (const fs::path& name : folders) search(top, relative / name, depth + 1, found);
+  for (const fs::path& below : listing.folders) {
+    if (relative / below != "depth") add_state(take, relative / below, lines);
+  }
 }
 
 }  // namespace
@@ -58,23 +105,14 @@ FoundTakes find_takes(const fs::path& folder) {
   return found;
 }
 
+bool is_at_or_below(std::string_view path, std::string_view folder) {
+  if (folder == "." || path == folder) return true;
+  return path.starts_with(folder) && path.substr(folder.size()).starts_with("/");
+}
+
 std::string state_of_take(const fs::path& take) {
   std::vector<std::string> lines;
-  std::error_code error;
-  for (fs::recursive_directory_iterator entry(take, error), end; !error && entry != end;
-       entry.increment(error)) {
-    const fs::path name = entry->path().lexically_relative(take);
-    std::error_code of_entry;
-    if (is_hidden(name) || name == "depth") {
-      entry.disable_recursion_pending();
-      continue;
-    }
-    if (name == kEventLogFile) continue;  // which every check makes longer
-    if (!entry->is_regular_file(of_entry)) continue;
-    const auto size = entry->file_size(of_entry);
-    const auto changed = entry->last_write_time(of_entry).time_since_epoch().count();
-    lines.push_back(fmt::format("{}\n{}\n{}\n", name.string(), size, changed));
-  }
+  add_state(take, {}, lines);
   std::ranges::sort(lines);
   std::string all;
   for (const std::string& line : lines) all += line;

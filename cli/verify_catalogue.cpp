@@ -149,10 +149,9 @@ void add_catalogue_options(CommandLine& command, CatalogueCommandOptions& option
       .needs("--catalogue");
   command
       .flag("--forget-missing", options.forgets_missing,
-            "Remove takes from the catalogue that are no longer there. None is removed while a "
-            "folder "
-            "cannot be read or if no take is left, and none below a folder that is empty: its disk "
-            "may not be mounted")
+            "Remove takes from the catalogue that are no longer there, unless their disk may be "
+            "absent "
+            "(docs/archivist.md)")
       .needs("--catalogue")
       .excludes("--report");
 }

@@ -230,6 +230,7 @@ TEST_F(CheckTakes, NoTakeIsForgottenIfNoneIsLeft) {
   options.file = elsewhere.path() / "catalogue.json";
   run();
   for (const char* name : {"a", "group"}) fs::remove_all(folder.path() / name);
+  create_folder(folder.path() / "lost+found" / "1");  // of another disk: the folder is not empty
   options.forgets_missing = true;
   const CatalogueReport report = run(kStart + kDay);
   EXPECT_EQ(report.takes.size(), 3U);

@@ -233,8 +233,8 @@ TEST_P(PackTemporalTest, DamageCostsTheRestOfItsGroupOnly) {
   TakeVerifyOptions decoding;
   decoding.decode = true;
   std::set<std::int64_t> named;
-  for (const FixityProblem& problem :
-       verify_take(path("packed"), decoding).cameras.at(0).report.problems) {
+  const TakeFixityReport report = verify_take(path("packed"), decoding);
+  for (const FixityProblem& problem : report.cameras.at(0).report.problems) {
     for (const AffectedFrame& frame : problem.frames) named.insert(frame.number);
   }
   std::set<std::int64_t> rest;

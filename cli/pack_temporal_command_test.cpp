@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole commands: takes encoded as video, as other commands read them.
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+#include <vector>
 
 #include "schemas/rig_document.h"
 #include "store/take.h"
+#include "store/temporal/temporal_frame.h"
 #include "testing/cli/render_command_test_data.h"
 
 namespace raystage::testing {
@@ -96,13 +101,37 @@ TEST_P(PackTemporalCommandTest, WhatItCannotReturnIsRefused) {
   EXPECT_EQ(exists.exit_code, 2);
 }
 
+/// Returns the cameras and numbers of the frames with the same bytes to which another frame refers:
+/// pictures of a still scene may be equal. Of the first one if no frame refers to another.
+std::vector<std::pair<int, int>> referenced_frames(const store::Take& take) {
+  std::map<std::uint64_t, std::vector<std::pair<int, int>>> frames;
+  std::set<std::uint64_t> referenced;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const store::ArchiveReader& archive = take.archive(camera);
+    for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
+      const store::FrameBytes stored = archive.stored(i);
+      frames[store::hash_of_stored(stored)].emplace_back(camera, i);
+      referenced.insert(store::read_frame_link(stored).value().previous);
+    }
+  }
+  for (const std::uint64_t hash : referenced) {
+    if (frames.contains(hash)) return frames[hash];
+  }
+  return {{0, 0}};
+}
+
 TEST_P(PackTemporalCommandTest, DamageIsFoundAndRepairedToAGap) {
   ASSERT_EQ(pack_as_stated().exit_code, 0);
-  const std::string id = store::Take(path("packed")).document().cameras[0].id;
-  const fs::path file = path("packed") / "archive" / (id + ".mkv");
-  std::string bytes = read_file(file);
-  bytes[store::Take(path("packed")).archive(0).frames()[0].offset + 70] ^= 4;
-  write_file_atomically(file, bytes);
+  {
+    const store::Take packed(path("packed"));
+    for (const auto& [camera, frame] : referenced_frames(packed)) {
+      const auto at = packed.archive(camera).frames()[frame].offset + 70;
+      const fs::path file = packed.folder() / packed.document().cameras[camera].archive;
+      std::string bytes = read_file(file);
+      bytes[at] ^= 4;
+      write_file_atomically(file, bytes);
+    }
+  }
   const CommandResult verified = run_on_packed("verify", "-q");
   EXPECT_EQ(verified.exit_code, 1);
   EXPECT_THAT(verified.output, HasSubstr("wrong XXH3"));

@@ -128,7 +128,7 @@ void extend_group(const TakeArchives& take, std::vector<GroupMember>& group) {
       return link && link->position == group.size() && link->previous == last;
     });
     if (next == others.end()) break;
-    group.push_back(*std::move(next));
+    group.push_back(std::move(*next));
     others.erase(next);
   }
 }

@@ -18,6 +18,8 @@
 #include "images/image_file.h"
 #include "render/common/image_quality.h"
 #include "render/depth/imported_maps.h"
+#include "store/fixity/verify.h"
+#include "store/packing/pack_temporal.h"
 #include "testing/render/test_depth.h"
 
 namespace raystage::depths {
@@ -401,16 +403,54 @@ TEST_F(ImportDepths, ADamagedMapIsAnErrorAndNotAnEstimation) {
     return std::string("rendered");
   };
   EXPECT_EQ(failure(), "rendered");
+  const auto problems = [&](store::VerifyDepth depth = store::VerifyDepth::kHashes) {
+    store::TakeVerifyOptions options;
+    options.depth = depth;
+    return store::verify_take(take.folder(), options).problems;
+  };
+  EXPECT_TRUE(problems().empty());
+  std::string flipped = whole;
+  flipped[flipped.size() / 2] ^= 1;
+  write_file_atomically(file, flipped);
+  ASSERT_EQ(problems().size(), 1U);
+  EXPECT_THAT(problems()[0].what, HasSubstr("not as it was imported"));
+  EXPECT_EQ(take.folder() / problems()[0].file, file);
   write_file_atomically(file, whole.substr(0, whole.size() / 2));
   EXPECT_THAT(failure(), AllOf(HasSubstr("damaged"), HasSubstr("import the depth maps again")));
   fs::remove(file);
   EXPECT_THAT(failure(), HasSubstr(file.filename().string()));
+  EXPECT_EQ(problems().size(), 1U);
+  EXPECT_EQ(problems(store::VerifyDepth::kSizes).size(), 1U);
   write_file_atomically(file, whole);
   for (Document::Camera& camera : document.cameras) {
     if (camera.id == id) camera.maps[0].frame_xxh3 = std::string(16, 'a');
   }
   schemas::write_imported_depths(document, take.folder() / Document::kFile);
   EXPECT_THAT(failure(), HasSubstr("belongs to another picture than frame 0"));
+  write_file_atomically(take.folder() / Document::kFile, "{}");
+  ASSERT_EQ(problems().size(), 1U);
+  EXPECT_EQ(problems()[0].file, Document::kFile);
+}
+
+// Encoding as video changes the pictures a little, and not what they show.
+TEST_F(ImportDepths, MapsStayWithFramesThatAreEncodedAsVideo) {
+  const store::Take take = write_step(2, 2);
+  write_maps(take);
+  import_depths(take, maps(), {}, {});
+  for (const store::References references :
+       {store::References::kTime, store::References::kCameras}) {
+    store::TemporalOptions how;
+    how.video.codec = store::VideoCodec::kHevc;
+    how.references = references;
+    const fs::path folder =
+        take.folder().parent_path() / (references == store::References::kTime ? "time" : "cameras");
+    store::pack_temporal(take, folder, how);
+    const store::Take video(folder);
+    EXPECT_NE(video.archive(1).jpeg_xxh3(0), take.archive(1).jpeg_xxh3(0));
+    EXPECT_EQ(video.archive(1).recorded_xxh3(0), take.archive(1).jpeg_xxh3(0));
+    EXPECT_THAT(render(video, testing::default_view()).notes,
+                Contains(HasSubstr("imported depth maps")));
+  }
 }
 
 TEST(RecordedDepths, GoToTheCameraWithoutDistortionAndBack) {

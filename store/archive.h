@@ -247,6 +247,9 @@ class ArchiveReader {
   /// Returns the XXH3-64 of the JPEG of frame i, which packing does not change, without unpacking:
   /// for fingerprints. 0: unknown. Throws Error as jpeg() does.
   std::uint64_t jpeg_xxh3(int frame) const;
+  /// Returns the XXH3-64 of the JPEG from which frame i was made: of a frame that is encoded as
+  /// video, that of its source; otherwise as jpeg_xxh3(). Throws Error as jpeg() does.
+  std::uint64_t recorded_xxh3(int frame) const;
   /// Returns whether frame i is stored packed. Throws Error as jpeg() does.
   bool is_packed(int frame) const;
 

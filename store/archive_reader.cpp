@@ -71,11 +71,26 @@ struct ArchiveReader::State {
 
   /// Returns what a packed frame states; nullopt of a JPEG. Reads the beginning of the frame.
   std::optional<JpegFixity> packed_fixity(int frame) const {
+    const auto start =
+        may_have_packed_frames() ? start_of<kPackedHeaderBytes>(frame) : std::nullopt;
+    return start ? read_jpeg_fixity(*start) : std::nullopt;
+  }
+
+  /// Returns what a temporal frame states; nullopt of others. Reads the beginning of the frame.
+  std::optional<FrameLink> link_of(int frame) const {
+    const bool may_have_links = is_temporal(index.description.codec);
+    const auto start = may_have_links ? start_of<kFrameLinkBytes>(frame) : std::nullopt;
+    return start ? read_frame_link(*start) : std::nullopt;
+  }
+
+  /// Returns the first bytes of a frame; nullopt if it has fewer.
+  template <std::size_t kBytes>
+  std::optional<std::array<std::byte, kBytes>> start_of(int frame) const {
     const FrameRecord& wanted = record(frame);
-    std::array<std::byte, kPackedHeaderBytes> start{};
-    if (!may_have_packed_frames() || wanted.size < start.size()) return std::nullopt;
+    std::array<std::byte, kBytes> start{};
+    if (wanted.size < start.size()) return std::nullopt;
     if (file->read_at(wanted.offset, start) != start.size()) throw unreadable(frame);
-    return read_jpeg_fixity(start);
+    return start;
   }
 
   Error unreadable(int frame) const {
@@ -449,6 +464,15 @@ bool ArchiveReader::verify_frame(int frame) const {
 std::uint64_t ArchiveReader::jpeg_xxh3(int frame) const {
   const auto packed = state_->remote ? std::nullopt : state_->packed_fixity(frame);
   return packed ? packed->xxh3 : state_->record(frame).xxh3;
+}
+
+std::uint64_t ArchiveReader::recorded_xxh3(int frame) const {
+  if (state_->remote) {
+    const std::uint64_t recorded = state_->remote->recorded_xxh3(frame);
+    return recorded != 0 ? recorded : jpeg_xxh3(frame);
+  }
+  const auto link = state_->link_of(frame);
+  return link ? link->source_xxh3 : jpeg_xxh3(frame);
 }
 
 bool ArchiveReader::is_packed(int frame) const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <utility>
@@ -50,6 +51,8 @@ class RemoteFrames {
   /// all other bytes are 0. `layout`: of the frame.
   virtual FrameBytes jpeg_part(int frame, const JpegLayout& layout,
                                const McuMask& wanted) const = 0;
+  /// Returns ArchiveReader::recorded_xxh3() of a frame that is encoded as video there; 0 of others.
+  virtual std::uint64_t recorded_xxh3(int /*frame*/) const { return 0; }
 };
 
 }  // namespace raystage::store

@@ -325,7 +325,8 @@ MessageBytes encode(const TakeTable& table) {
   for (const TakeTable::Camera& camera : table.cameras) {
     const store::ArchiveWriter::Description& d = camera.description;
     cameras.push_back({camera.is_local, d.camera_id, d.width, d.height, d.epoch_utc,
-                       d.codec == store::FrameCodec::kPicture, camera.frames.size()});
+                       d.codec == store::FrameCodec::kPicture, camera.frames.size(),
+                       camera.recorded_xxh3});
     std::vector<std::byte>& bytes = records.emplace_back();
     for (const store::FrameRecord& record : camera.frames) {
       const auto encoded = store::journal::encode_record(record);
@@ -358,6 +359,7 @@ TakeTable decode_take_table(std::span<const std::byte> message) {
         if (!record) throw damaged();
         camera.frames.push_back(*record);
       }
+      camera.recorded_xxh3 = value_of<std::vector<std::uint64_t>>(entry.at(7));
       table.cameras.push_back(std::move(camera));
     }
     return table;

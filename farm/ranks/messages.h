@@ -56,6 +56,8 @@ struct TakeTable {
     bool is_local = false;
     store::ArchiveWriter::Description description;
     std::vector<store::FrameRecord> frames;
+    /// ArchiveReader::recorded_xxh3() of each frame of an archive of video; empty: of others.
+    std::vector<std::uint64_t> recorded_xxh3;
   };
   std::string documents;  ///< hash of take.json and rig.json; must be equal on all ranks
   std::vector<Camera> cameras;

@@ -30,7 +30,8 @@ int new_reply_tag() {
 /// The frames of a camera whose archive is on another rank.
 class FetchedFrames : public store::RemoteFrames {
  public:
-  FetchedFrames(const RankArchives& archives, int camera) : archives_(archives), camera_(camera) {}
+  FetchedFrames(const RankArchives& archives, int camera, std::vector<std::uint64_t> recorded_xxh3)
+      : archives_(archives), camera_(camera), recorded_xxh3_(std::move(recorded_xxh3)) {}
 
   store::FrameBytes jpeg(int frame) const override {
     return as_bytes(ask(FrameRequest::Kind::kWhole, frame, {}).bytes);
@@ -57,6 +58,11 @@ class FetchedFrames : public store::RemoteFrames {
       copy(layout.segment_offset[segment], layout.segment_offset[segment + 1]);
     }
     return as_bytes(std::move(jpeg));
+  }
+
+  std::uint64_t recorded_xxh3(int frame) const override {
+    const auto i = static_cast<std::size_t>(frame);
+    return i < recorded_xxh3_.size() ? recorded_xxh3_[i] : 0;
   }
 
  private:
@@ -92,6 +98,7 @@ class FetchedFrames : public store::RemoteFrames {
 
   const RankArchives& archives_;
   int camera_;
+  std::vector<std::uint64_t> recorded_xxh3_;
 };
 
 }  // namespace
@@ -108,8 +115,10 @@ std::optional<store::ArchiveReader> RankArchives::open(int camera) const {
   if (is_missing(camera))
     return store::ArchiveReader(store::ArchiveWriter::Description(), {}, nullptr);
   TakeTable::Camera known = index < cameras_.size() ? cameras_[index] : TakeTable::Camera{};
-  return store::ArchiveReader(known.description, std::move(known.frames),
-                              std::make_shared<const FetchedFrames>(*this, camera), unpacked_);
+  return store::ArchiveReader(
+      known.description, std::move(known.frames),
+      std::make_shared<const FetchedFrames>(*this, camera, std::move(known.recorded_xxh3)),
+      unpacked_);
 }
 
 bool RankArchives::is_missing(int camera) const {
@@ -154,7 +163,11 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
         camera.frames.assign(archive.frames().begin(), archive.frames().end());
         // Other ranks receive pictures as they are stored, other frames as JPEGs, also packed ones.
         for (std::size_t frame = 0; frame < camera.frames.size(); ++frame) {
-          camera.frames[frame].xxh3 = archive.jpeg_xxh3(static_cast<int>(frame));
+          const auto index = static_cast<int>(frame);
+          camera.frames[frame].xxh3 = archive.jpeg_xxh3(index);
+          if (store::is_temporal(camera.description.codec)) {
+            camera.recorded_xxh3.push_back(archive.recorded_xxh3(index));
+          }
         }
       }
       opened.table.cameras.push_back(std::move(camera));

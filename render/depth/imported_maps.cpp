@@ -44,7 +44,7 @@ ImportedDocument read_imported_depths(const store::Take& take) {
 
 std::string imported_frame_xxh3(const store::Take& take, int camera, int frame) {
   const store::ArchiveReader& archive = take.archive(camera);
-  std::uint64_t hash = archive.jpeg_xxh3(frame);
+  std::uint64_t hash = archive.recorded_xxh3(frame);
   if (hash == 0) {
     const auto jpeg = archive.jpeg(frame);
     hash = XXH3_64bits(jpeg.data(), jpeg.size());
@@ -73,7 +73,9 @@ InverseDepthMap read_imported_map(const store::Take& take, int camera,
                     map.height, kMaxImportedPixels >> 20U),
         name, kImportAgain);
   }
-  if (imported_frame_xxh3(take, camera, map.frame) != map.frame_xxh3) {
+  // Earlier versions named a frame of video by its own bytes.
+  if (imported_frame_xxh3(take, camera, map.frame) != map.frame_xxh3 &&
+      number_from_hex(map.frame_xxh3) != take.archive(camera).jpeg_xxh3(map.frame)) {
     throw Error::bad_input(
         fmt::format("the imported depth map belongs to another picture than frame {} of camera "
                     "\"{}\"",

@@ -18,7 +18,8 @@ inline constexpr std::size_t kMaxImportedPixels = std::size_t{1} << 26;
 /// none. Throws Error (bad input) if the document is damaged.
 schemas::ImportedDepthsDocument read_imported_depths(const store::Take& take);
 
-/// Returns the XXH3-64 of a frame's JPEG, as ImportedDepthsDocument::Map states it.
+/// Returns the XXH3-64 of a frame's JPEG as it was recorded, as ImportedDepthsDocument::Map states
+/// it: packing does not change it.
 std::string imported_frame_xxh3(const store::Take& take, int camera, int frame);
 
 /// Returns the bytes of the file of an imported map, an inverse depth or distance in the pixels of

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Verifies all archives of a take (verify_archive.h), cameras in parallel, its timeline and its
-// recording reports. Each file is mapped and read once.
+// Verifies all archives of a take (verify_archive.h), cameras in parallel, its timeline, its
+// recording reports and the depth maps that were imported. Each file is mapped and read once.
 #include "store/fixity/verify.h"
 
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <atomic>
+#include <iterator>
 #include <mutex>
 #include <optional>
 #include <system_error>
@@ -16,6 +17,7 @@
 #include "base/parallel.h"
 #include "base/stopwatch.h"
 #include "schemas/recording_document.h"
+#include "store/fixity/verify_imported_depths.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
@@ -269,7 +271,11 @@ TakeFixityReport verify_take(const fs::path& folder, const TakeVerifyOptions& gi
       report.is_intact()) {
     verify_timeline(take, report);
   }
-  if (report.status == RunStatus::kFinished) verify_recordings(take, report);
+  if (report.status == RunStatus::kFinished) {
+    verify_recordings(take, report);
+    std::ranges::move(verify_imported_depths(take, options), std::back_inserter(report.problems));
+    if (options.stop.stop_requested()) report.status = RunStatus::kStopped;
+  }
   if (options.progress && report.status == RunStatus::kFinished) options.progress(1);
   report.seconds = watch.seconds();
   return report;

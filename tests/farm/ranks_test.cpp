@@ -160,6 +160,11 @@ TEST_F(Ranks, UseImportedDepthsAsOneProcessDoes) {
   ASSERT_EQ(imported.exit_code, 0) << imported.err;
   expect_equal_to_local("depth", "{}");
   EXPECT_GT(difference("local", "estimated", 1).share, 0.2);
+  // Frames of video belong to the maps of those that they were made from.
+  const CommandResult video =
+      here("raystage pack -q --temporal hevc take -o video && rm -r take && mv video take");
+  ASSERT_EQ(video.exit_code, 0) << video.err;
+  expect_equal_to_local("depth", "{}");
 }
 
 // Each rank interpolates the pictures of its own cameras; for plane sweep, those that it fetched.

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/verify_imported_depths.h"
+
+#include <fmt/format.h>
+#include <xxhash.h>
+
+#include <optional>
+#include <system_error>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/mapped_file.h"
+#include "schemas/imported_depths_document.h"
+
+namespace raystage::store {
+namespace {
+
+namespace fs = std::filesystem;
+using Document = schemas::ImportedDepthsDocument;
+
+/// Returns what is wrong with a map; empty if it is intact.
+std::string fault_of(const Take& take, const Document::Map& map, const TakeVerifyOptions& options) {
+  const MappedFile file(take.file(fs::path(Document::kFolder) / map.file));
+  if (options.depth == VerifyDepth::kSizes) return "";
+  if (options.before_read) options.before_read(file.bytes().size());
+  file.expect(MappedFile::Access::kSequential);
+  const std::uint64_t hash =
+      read_mapped([&] { return XXH3_64bits(file.bytes().data(), file.bytes().size()); }, file);
+  // CAMERA/FRAME.HASH.zst
+  const std::string stated = fs::path(map.file).stem().extension().string();
+  return stated == fmt::format(".{:016x}", hash)
+             ? ""
+             : "the depth map is not as it was imported (XXH3 in its name)";
+}
+
+}  // namespace
+
+std::vector<FixityProblem> verify_imported_depths(const Take& take,
+                                                  const TakeVerifyOptions& options) {
+  std::vector<FixityProblem> problems;
+  const auto complain = [&](const fs::path& file, const std::string& what) {
+    problems.push_back({file.string(),
+                        0,
+                        what + "; restore it from a copy, or import the depth maps again",
+                        {},
+                        false});
+  };
+  Document document;
+  try {
+    const ContainedPath file = take.file(Document::kFile);
+    std::error_code error;
+    const fs::file_type type = fs::symlink_status(file.path(), error).type();
+    if (type == fs::file_type::not_found) return {};
+    document = schemas::parse_imported_depths(read_file(file), file.path().string());
+  } catch (const Error& error) {
+    complain(Document::kFile, error.what_happened());
+    return problems;
+  }
+  for (const Document::Camera& camera : document.cameras) {
+    for (const Document::Map& map : camera.maps) {
+      if (options.stop.stop_requested()) return problems;
+      const fs::path file = fs::path(Document::kFolder) / map.file;
+      try {
+        const std::string fault = fault_of(take, map, options);
+        if (!fault.empty()) complain(file, fault);
+      } catch (const Error& error) {
+        complain(file, error.what_happened());
+      }
+    }
+  }
+  return problems;
+}
+
+}  // namespace raystage::store

@@ -77,7 +77,7 @@ void print_json(const PackCommandOptions& options, const store::PackReport& repo
     entry.update(json_of(camera));
     json["cameras"].push_back(std::move(entry));
   }
-  print("{}\n", json.dump(2));
+  print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
 }  // namespace
@@ -101,15 +101,15 @@ ExitCode run_pack(const PackCommandOptions& options, bool unpack, const std::sto
   const store::Take take(options.take);
   const store::PackReport report = unpack ? store::unpack_take(take, options.output, how)
                                           : store::pack_take(take, options.output, how);
+  const Camera total = report.total();
+  record_event(options.output, unpack ? "decompression" : "compression",
+               unpack ? "unpack" : fmt::format("pack --effort {}", options.how.effort),
+               fmt::format("{} of {} frames, each compared", total.packed, total.frames));
   if (options.json) {
     print_json(options, report, unpack);
   } else {
     print_text(options, report, unpack);
   }
-  const Camera total = report.total();
-  record_event(options.output, unpack ? "decompression" : "compression",
-               unpack ? "unpack" : fmt::format("pack --effort {}", options.how.effort),
-               fmt::format("{} of {} frames, each compared", total.packed, total.frames));
   return ExitCode::kSuccess;
 }
 

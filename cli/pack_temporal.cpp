@@ -3,7 +3,6 @@
 #include "cli/pack_temporal.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -72,13 +71,9 @@ void check_options(const TemporalCommandOptions& options, const store::VideoSett
 MeasuredLoss search(const store::Take& take, const std::string& output,
                     const TemporalCommandOptions& options, bool quiet, int threads,
                     store::VideoSettings& video, const std::stop_token& stop) {
-  const std::filesystem::path target = std::filesystem::absolute(output).lexically_normal();
-  const std::filesystem::path folder =
-      (target.has_filename() ? target : target.parent_path()).parent_path() /
-      fmt::format(".{}.{}.trials.tmp", target.filename().string(), getpid());
   const store::References references = references_of(options);
   const int frames = references == store::References::kCameras ? 1 : video.group_frames;
-  const ViewLoss loss(take, folder, {options.method, options.views, frames, references, threads},
+  const ViewLoss loss(take, output, {options.method, options.views, frames, references, threads},
                       stop);
   MeasuredLoss measured{*options.target_db, 0, loss.reference_db(), loss.truth()};
   std::map<double, double> tried;
@@ -132,7 +127,7 @@ void print_json(const PackCommandOptions& common, References references,
     entry.update(json_of(camera));
     json["cameras"].push_back(std::move(entry));
   }
-  print("{}\n", json.dump(2));
+  print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
 std::string decibels(double psnr) {
@@ -176,12 +171,15 @@ void add_temporal_options(CommandLine& command, TemporalCommandOptions& options)
           "Encode the frames as HEVC (x265; 4:4:4 where the JPEGs are) or AV1 (SVT-AV1; 4:2:0), 8 "
           "bits: lossy")
       .one_of({"hevc", "av1"});
-  group.choice(
-      "--references", options.references,
-      {{"time", References::kTime}, {"cameras", References::kCameras}, {"none", References::kNone}},
-      "What frames are predicted from: time (earlier frames of the camera's group), cameras (of "
-      "the "
-      "same instant, along the rows of the array) or none (default: time)");
+  group
+      .choice("--references", options.references,
+              {{"time", References::kTime},
+               {"cameras", References::kCameras},
+               {"none", References::kNone}},
+              "What frames are predicted from: time (earlier frames of the camera's group), "
+              "cameras (of "
+              "the same instant, along the rows of the array) or none (default: time)")
+      .needs("--temporal");
   group
       .option("--group", options.group,
               "Frames of a group, which is decoded as a whole, 1-256; with --references cameras "
@@ -220,6 +218,7 @@ ExitCode run_pack_temporal(const PackCommandOptions& common, const TemporalComma
   check_options(options, how.video);
   const ThreadLimit limit(common.threads);
   const store::Take take(common.take);
+  store::require_new_take(take, common.output);
   std::optional<MeasuredLoss> loss;
   if (options.target_db) {
     loss = search(take, common.output, options, common.quiet, common.threads, how.video, stop);
@@ -228,15 +227,15 @@ ExitCode run_pack_temporal(const PackCommandOptions& common, const TemporalComma
   how.progress = [&](double done) { progress.report(done); };
   how.stop = stop;
   const store::TemporalReport report = store::pack_temporal(take, common.output, how);
+  std::string what = fmt::format("{} frames, lossy, references {}, rate factor {}",
+                                 report.total().frames, name_of(options.references), how.video.crf);
+  if (report.total().frames > 0) what += ", PSNR " + decibels(report.psnr_db());
+  record_event(common.output, "migration", "pack --temporal " + options.codec, what);
   if (common.json) {
     print_json(common, options.references, how.video, report, loss);
   } else {
     print_text(common, options.references, how.video, report, loss);
   }
-  std::string what = fmt::format("{} frames, lossy, references {}, rate factor {}",
-                                 report.total().frames, name_of(options.references), how.video.crf);
-  if (report.total().frames > 0) what += ", PSNR " + decibels(report.psnr_db());
-  record_event(common.output, "migration", "pack --temporal " + options.codec, what);
   return ExitCode::kSuccess;
 }
 

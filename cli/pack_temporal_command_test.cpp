@@ -168,7 +168,8 @@ TEST_P(PackTemporalUsageTest, BadOptionsHaveExitCode2AndLeaveNothing) {
       {"--temporal av1 --crf 30 --target-db 1", "--target-db"},
       {"--temporal av1 --views none.json", "--target-db"},
       {"--crf 30", "--temporal"},
-      {"--group 3", "--temporal"}};
+      {"--group 3", "--temporal"},
+      {"--references cameras", "--temporal"}};
   for (const auto& [options, what] : cases) {
     const CommandResult result = pack(options);
     EXPECT_EQ(result.exit_code, 2) << options;
@@ -189,6 +190,15 @@ TEST_P(PackTemporalUsageTest, TheRateFactorIsSearchedForALossInViews) {
     EXPECT_GT(json["crf"], 4);
     fs::remove_all(path("packed"));
   }
+}
+
+TEST_P(PackTemporalUsageTest, AnExistingTakeIsRefusedBeforeTheSearch) {
+  fs::create_directory(path("packed"));
+  const CommandResult result = run_raystage("pack " + quoted("take") + " -o " + quoted("packed") +
+                                            " --temporal hevc --target-db 3 --method focal_plane");
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.output, HasSubstr("of this name exists"));
+  EXPECT_THAT(result.output, Not(HasSubstr("rate factor")));
 }
 
 TEST_P(PackTemporalUsageTest, ATakeWithoutFramesHasNoPsnr) {

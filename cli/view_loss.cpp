@@ -10,7 +10,6 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <system_error>
 #include <utility>
 
 #include "base/atomic_file.h"
@@ -22,7 +21,7 @@ namespace raystage::cli {
 namespace {
 
 constexpr int kMostViews = 4;
-constexpr const char* kAdvice = "Choose the rate factor instead";
+constexpr const char* kAdvice = "Give the rate factor instead: --crf";
 
 /// Returns the mean time from a frame to the next; 0 of fewer than two.
 Nanoseconds mean_interval(std::span<const store::FrameRecord> frames) {
@@ -31,31 +30,22 @@ Nanoseconds mean_interval(std::span<const store::FrameRecord> frames) {
          static_cast<Nanoseconds>(frames.size() - 1);
 }
 
+/// Of what a command printed: its error is the last line.
+std::string last_line(std::string text) {
+  while (text.ends_with('\n')) text.pop_back();
+  return text.substr(text.rfind('\n') + 1);
+}
+
 int step_for(int views) { return std::max(1, (views + kMostViews - 1) / kMostViews); }
 
 }  // namespace
 
-ViewLoss::ViewLoss(const store::Take& take, std::filesystem::path folder, Settings settings,
+ViewLoss::ViewLoss(const store::Take& take, const std::filesystem::path& target, Settings settings,
                    std::stop_token stop)
-    : take_(take),
-      folder_(std::move(folder)),
-      settings_(std::move(settings)),
-      stop_(std::move(stop)) {
+    : take_(take), folder_(target), settings_(std::move(settings)), stop_(std::move(stop)) {
   choose_frames();
-  create_folder(folder_);
-  try {
-    store::write_excerpt(take_, folder_ / "source", excerpt_, stop_);
-    reference_db_ = psnr_of("source");
-  } catch (...) {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-    throw;
-  }
-}
-
-ViewLoss::~ViewLoss() {
-  std::error_code ignored;
-  std::filesystem::remove_all(folder_, ignored);
+  store::write_excerpt(take_, folder_.path() / "source", excerpt_, stop_);
+  reference_db_ = psnr_of("source");
 }
 
 /// Chooses the time of the given views, and that of a group before and after.
@@ -114,9 +104,9 @@ void ViewLoss::choose_frames() {
 
 /// Returns the mean PSNR of the views of an excerpt, dB.
 double ViewLoss::psnr_of(const std::string& name) const {
-  const std::filesystem::path result = folder_ / (name + ".json");
+  const std::filesystem::path result = folder_.path() / (name + ".json");
   std::vector<std::string> command{sibling_program("raystage-evaluate").string(),
-                                   (folder_ / name).string()};
+                                   (folder_.path() / name).string()};
   if (!settings_.views.empty()) command.push_back(settings_.views.string());
   for (const int camera : excerpt_.unencoded_cameras) {
     command.insert(command.end(), {"--exclude-cameras",
@@ -129,8 +119,8 @@ double ViewLoss::psnr_of(const std::string& name) const {
   options.stop = stop_;
   const ChildResult evaluated = run_child(command, options);
   if (evaluated.exit_code != 0) {
-    throw Error::failed("the views cannot be rendered: " + evaluated.out, take_.folder().string(),
-                        kAdvice);
+    throw Error::failed("the views cannot be rendered: " + last_line(evaluated.out),
+                        take_.folder().string(), kAdvice);
   }
   const auto mean = nlohmann::json::parse(read_file(result)).at("mean");
   const double psnr = mean.at("psnr_db").is_number() ? mean.at("psnr_db").get<double>() : NAN;
@@ -142,11 +132,11 @@ double ViewLoss::psnr_of(const std::string& name) const {
 }
 
 double ViewLoss::loss_db(const store::VideoSettings& video) const {
-  std::filesystem::remove_all(folder_ / "trial");
+  std::filesystem::remove_all(folder_.path() / "trial");
   store::Excerpt trial = excerpt_;
   trial.video = video;
   trial.references = settings_.references;
-  store::write_excerpt(take_, folder_ / "trial", trial, stop_);
+  store::write_excerpt(take_, folder_.path() / "trial", trial, stop_);
   return reference_db_ - psnr_of("trial");
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/temporary_folder.h"
 #include "store/packing/pack_temporal.h"
 
 namespace raystage::cli {
@@ -24,11 +25,11 @@ class ViewLoss {
     store::References references = store::References::kTime;
     int threads = 0;  ///< as the option of commands
   };
-  /// `folder`: for excerpts of the take; it is removed with this object. Renders the views from the
-  /// take. Throws Error (bad input or failed) if that is impossible.
-  ViewLoss(const store::Take& take, std::filesystem::path folder, Settings settings,
+  /// Writes excerpts of the take into a temporary folder next to `target`, which is removed with
+  /// this object. Renders the views from the take. Throws Error (bad input or failed) if that is
+  /// impossible.
+  ViewLoss(const store::Take& take, const std::filesystem::path& target, Settings settings,
            std::stop_token stop);
-  ~ViewLoss();
   ViewLoss(const ViewLoss&) = delete;
   ViewLoss& operator=(const ViewLoss&) = delete;
 
@@ -44,7 +45,7 @@ class ViewLoss {
   double psnr_of(const std::string& name) const;
 
   const store::Take& take_;
-  const std::filesystem::path folder_;
+  const TemporaryFolder folder_;
   const Settings settings_;
   const std::stop_token stop_;
   store::Excerpt excerpt_;

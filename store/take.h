@@ -69,6 +69,8 @@ class Take {
 /// commit() renames.
 class TakeWriter {
  public:
+  /// Throws Error (bad input) if there is a file or folder of the name of a new take.
+  static void require_absent(const std::filesystem::path& folder);
   /// Begins a take. Fills in camera.archive and camera.journal of the document (archive/ID.mkv).
   /// Archives of cameras with Camera::pixels hold pictures (FrameCodec::kPicture), others `codec`.
   /// Throws Error (bad input) if `folder` exists or a camera id is not a safe file name. Throws

@@ -56,6 +56,14 @@ struct TakeWriter::State {
   bool finished = false, committed = false;
 };
 
+void TakeWriter::require_absent(const fs::path& folder) {
+  const fs::path target = path_with_name(folder);
+  std::error_code error;
+  if (!fs::exists(fs::symlink_status(target, error))) return;
+  throw Error::bad_input("a file or folder of this name exists", target.string(),
+                         "Choose another name for the take, or remove it");
+}
+
 TakeWriter::TakeWriter(const fs::path& folder, schemas::TakeDocument take, schemas::RigDocument rig,
                        FrameCodec codec)
     : state_(std::make_unique<State>()) {
@@ -72,12 +80,8 @@ TakeWriter::TakeWriter(const fs::path& folder, schemas::TakeDocument take, schem
   state_->take = std::move(take);
   state_->codec = codec;
   state_->rig = std::move(rig);
-  const fs::path target = path_with_name(folder);
-  if (fs::exists(fs::symlink_status(target))) {
-    throw Error::bad_input("a file or folder of this name exists", target.string(),
-                           "Choose another name for the take, or remove it");
-  }
-  state_->folder.emplace(target);
+  require_absent(folder);
+  state_->folder.emplace(folder);
   try {
     create_folder(state_->folder->path() / "archive");
   } catch (const Error& error) {

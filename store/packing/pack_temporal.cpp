@@ -72,6 +72,9 @@ class TakeEncoder {
                                "Pack the take that they were made from: each encoding loses more");
       }
       report_.cameras.emplace_back().id = id;
+      wanted_frames_ +=
+          std::ranges::count_if(take.archive(camera).frames(),
+                                [&](const FrameRecord& frame) { return is_wanted(frame.time_ns); });
     }
   }
 
@@ -84,12 +87,9 @@ class TakeEncoder {
     for (const int camera : serpentine_order(take_.rig())) {
       (is_across && is_encoded(camera) ? together : alone).push_back(camera);
     }
-    std::atomic<int> done = 0;
-    parallel_for_each(alone.size(), [&](std::size_t i) {
-      encode_camera(alone[i]);
-      if (progress) progress(++done / static_cast<double>(take_.camera_count()));
-    });
-    encode_instants(together, progress);
+    progress_ = progress;
+    parallel_for_each(alone.size(), [&](std::size_t i) { encode_camera(alone[i]); });
+    encode_instants(together);
     writer_.finish();
     report_.seconds = watch.seconds();
     report_.encode_thread_seconds = encoder_.encode_thread_seconds();
@@ -146,7 +146,7 @@ class TakeEncoder {
 
   /// Encodes the instants of cameras in parallel, as many at once as there are threads, and appends
   /// them in order. Cameras of other sizes are other sequences.
-  void encode_instants(std::vector<int> cameras, const std::function<void(double)>& progress) {
+  void encode_instants(std::vector<int> cameras) {
     const auto size_of = [&](int camera) {
       const auto& model = take_.rig().cameras[static_cast<std::size_t>(camera)].model;
       return std::pair(model.width(), model.height());
@@ -165,8 +165,6 @@ class TakeEncoder {
           encoder_.encode(sequences[i]);
         });
         for (const Sequence& sequence : sequences) append(sequence);
-        const double done = static_cast<double>(first) / static_cast<double>(instants.size());
-        if (progress) progress(done);
       }
       for (const int camera : alike) finish(camera);
       begin = end;
@@ -200,6 +198,10 @@ class TakeEncoder {
       report.bytes_before += record.size;
       report.bytes_after += stored.size();
     }
+    const std::int64_t done = appended_frames_ += static_cast<std::int64_t>(sequence.frames.size());
+    if (progress_ && wanted_frames_ > 0) {
+      progress_(static_cast<double>(done) / static_cast<double>(wanted_frames_));
+    }
   }
 
   void finish(int camera) {
@@ -226,6 +228,9 @@ class TakeEncoder {
   SequenceEncoder encoder_;
   TakeWriter writer_;
   std::vector<Position> positions_;  // of each camera
+  std::int64_t wanted_frames_ = 0;
+  std::atomic<std::int64_t> appended_frames_ = 0;
+  std::function<void(double)> progress_;
   TemporalReport report_;
 };
 
@@ -261,10 +266,15 @@ TemporalReport::Camera TemporalReport::total() const {
 
 double TemporalReport::psnr_db() const { return psnr_of(total().mean_square_error); }
 
+void require_new_take(const Take& take, const fs::path& folder) {
+  take.check_not_inside(folder);
+  files_of_take(take.folder());
+  TakeWriter::require_absent(folder);
+}
+
 TemporalReport pack_temporal(const Take& take, const fs::path& folder,
                              const TemporalOptions& options) {
-  take.check_not_inside(folder);
-  files_of_take(take.folder());  // refuse what cannot be copied before the long part
+  require_new_take(take, folder);
   Excerpt everything;
   everything.first = std::numeric_limits<Nanoseconds>::min();
   everything.last = std::numeric_limits<Nanoseconds>::max();

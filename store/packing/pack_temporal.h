@@ -74,6 +74,10 @@ struct Excerpt {
   int frames_at_once = TemporalOptions{}.frames_at_once;
 };
 
+/// Throws Error (bad input) if a new take cannot be made of a take there: `folder` exists or is
+/// within the take, or the take has files that cannot be copied. pack_temporal() calls this, too.
+void require_new_take(const Take& take, const std::filesystem::path& folder);
+
 /// Writes a take of the frames of some time only, as readers get them after encoding: JPEG. It has
 /// no other files but the documents. Throws as pack_temporal().
 void write_excerpt(const Take& take, const std::filesystem::path& folder, const Excerpt& excerpt,

@@ -16,7 +16,8 @@ namespace fs = std::filesystem;
 
 constexpr FileFormat kArchiveFormat{"archive/*.mkv", "Matroska (RFC 9559)", "4", "fmt/569",
                                     "formats/archive.md"};
-constexpr FileFormat kJournalFormat{"archive/*.journal", "Raystage journal", "2", "",
+constexpr FileFormat kJournalFormat{"archive/*.journal",
+                                    "Raystage journal; bytes 8 to 11 state the version", "", "",
                                     "formats/journal.md"};
 constexpr FileFormat kTimelineFormat{"timeline.zst", "Raystage timeline, compressed by Zstandard",
                                      "", "", "formats/timeline.md"};
@@ -30,13 +31,27 @@ constexpr FileFormat kJsonFormat{"*.json", "JSON (RFC 8259); \"schema\" states s
                                  "", "fmt/817", "formats/documents.md"};
 constexpr FileFormat kPngFormat{"*.png", "Portable Network Graphics", "1.2", "fmt/13",
                                 "formats/mattes.md"};
+constexpr FileFormat kDepthFormat{"imported_depth/*/*.zst",
+                                  "Raystage depth map, compressed by Zstandard", "1", "",
+                                  "formats/depth.md"};
 constexpr FileFormat kOtherFormat{"all other files", "unknown", "", "", ""};
 // In archives.
-constexpr FileFormat kJpegFormat{"frames in archive/*.mkv", "JPEG File Interchange Format", "1.01",
-                                 "fmt/43", "formats/jpeg.md"};
-constexpr FileFormat kJpegXlFormat{"frames in archive/*.mkv of packed takes",
+constexpr FileFormat kJpegFormat{"frames in archive/*.mkv, codec V_MJPEG",
+                                 "JPEG (ISO/IEC 10918-1); fmt/43 of frames that Raystage encoded, "
+                                 "of others the kind that their camera made",
+                                 "", "fmt/43", "formats/jpeg.md"};
+constexpr FileFormat kJpegXlFormat{"frames in archive/*.mkv, codec V_JPEGXL",
                                    "JPEG XL container (ISO/IEC 18181-2)", "", "fmt/1485",
                                    "formats/archive.md"};
+constexpr FileFormat kPictureFormat{"frames in archive/*.mkv, codec V_JPEGXL/PICTURE",
+                                    "JPEG XL codestream or container (ISO/IEC 18181-1, -2)", "",
+                                    "fmt/1484, fmt/1485", "formats/archive.md"};
+constexpr FileFormat kHevcFormat{"frames in archive/*.mkv, codec V_MPEGH/ISO/HEVC",
+                                 "HEVC byte stream (ITU-T H.265, Annex B)", "", "",
+                                 "formats/archive.md"};
+constexpr FileFormat kAv1Format{"frames in archive/*.mkv, codec V_AV1",
+                                "AV1 open bitstream units (AV1 Bitstream and Decoding Process)", "",
+                                "", "formats/archive.md"};
 
 std::string csv_field(std::string_view text) {
   if (text.find_first_of("\",") == std::string_view::npos) return std::string(text);
@@ -61,14 +76,16 @@ const FileFormat& format_of_file(std::string_view path) {
   if (extension == ".journal") return kJournalFormat;
   if (extension == ".json") return kJsonFormat;
   if (extension == ".png") return kPngFormat;
+  if (extension == ".zst" && path.starts_with("imported_depth/")) return kDepthFormat;
   return kOtherFormat;
 }
 
 std::string file_formats_as_csv() {
   std::string csv = "files,format,version,PRONOM,page\r\n";
-  for (const FileFormat* format : {&kArchiveFormat, &kJpegFormat, &kJpegXlFormat, &kJournalFormat,
-                                   &kJsonFormat, &kTimelineFormat, &kEventsFormat, &kManifestFormat,
-                                   &kSignatureFormat, &kPngFormat, &kOtherFormat}) {
+  for (const FileFormat* format :
+       {&kArchiveFormat, &kJpegFormat, &kJpegXlFormat, &kPictureFormat, &kHevcFormat, &kAv1Format,
+        &kJournalFormat, &kJsonFormat, &kTimelineFormat, &kDepthFormat, &kEventsFormat,
+        &kManifestFormat, &kSignatureFormat, &kPngFormat, &kOtherFormat}) {
     csv += fmt::format("{},{},{},{},{}\r\n", csv_field(format->files), csv_field(format->name),
                        csv_field(format->version),
                        format->pronom.empty() ? "none registered" : format->pronom,

@@ -10,6 +10,7 @@
 #include <atomic>
 #include <chrono>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <new>
 #include <system_error>
@@ -190,6 +191,7 @@ class BagWriter {
     event.type = "fixity check";
     event.detail = "bag: the copy of every frame compared with its XXH3";
     if (found.is_readable() && found.is_intact()) {
+      require_manifest_fits();
       event.note = "intact";
       report_.events.push_back(make_event(take_.folder(), event));
       return;
@@ -200,6 +202,32 @@ class BagWriter {
     throw Error::bad_input("the take is damaged or not closed, and no bag was written",
                            take_.folder().string(),
                            "See what is wrong by `raystage verify`, and run `raystage repair`");
+  }
+
+  /// Throws Error (bad input) if the take has a manifest of other files than the copied ones.
+  void require_manifest_fits() const {
+    const auto has_path = [](const std::string& path) {
+      return [path](const BaggedFile& file) { return file.path == path; };
+    };
+    if (std::ranges::none_of(payload_, has_path(std::string("data/") + kManifestFile))) return;
+    std::map<std::string, std::string> copied;  // SHA-256 of each path
+    for (const BaggedFile& file : payload_) copied[file.path] = file.sha256;
+    for (const char* name : {kManifestFile, kSignatureFile, kEventLogFile}) {
+      copied.erase(std::string("data/") + name);
+    }
+    const Manifest manifest = parse_manifest(read_manifest(root_ / "data"), kManifestFile);
+    std::string different;
+    for (const Manifest::File& file : manifest.files) {
+      const auto found = copied.find("data/" + file.path);
+      if (found == copied.end() || found->second != file.sha256) different = file.path;
+      if (found != copied.end()) copied.erase(found);
+    }
+    if (different.empty() && !copied.empty()) different = copied.begin()->first;
+    if (different.empty()) return;
+    throw Error::bad_input("the take is not as its manifest states, for example " + different,
+                           (take_.folder() / kManifestFile).string(),
+                           "See all differences by `raystage verify --manifest check`. If they are "
+                           "meant, write the manifest anew");
   }
 
   schemas::TakeEvent new_event() const {

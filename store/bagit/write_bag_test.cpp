@@ -14,6 +14,7 @@
 #include "store/bagit/file_formats.h"
 #include "store/bagit/premis.h"
 #include "store/fixity/event_log.h"
+#include "store/fixity/manifest.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
@@ -195,8 +196,38 @@ TEST(FileFormats, AreKnownForFilesOfTakes) {
   EXPECT_EQ(format_of_file("archive/a.mkv").pronom, "fmt/569");
   EXPECT_EQ(format_of_file("recording/node.json").pronom, "fmt/817");
   EXPECT_EQ(format_of_file("archive/a.journal").pronom, "");
-  EXPECT_THAT(file_formats_as_csv(), HasSubstr("Raystage journal,2,none registered"));
+  EXPECT_EQ(format_of_file("imported_depth/a/000001.0123456789abcdef.zst").page,
+            "formats/depth.md");
+  EXPECT_EQ(format_of_file("imported_depth/maps.json").pronom, "fmt/817");
+  EXPECT_EQ(format_of_file("timeline.zst").page, "formats/timeline.md");
+  EXPECT_THAT(file_formats_as_csv(), HasSubstr("state the version,,none registered"));
+  for (const char* codec : {"V_MJPEG", "V_JPEGXL", "V_JPEGXL/PICTURE", "HEVC", "V_AV1"}) {
+    EXPECT_THAT(file_formats_as_csv(), HasSubstr(codec));
+  }
   EXPECT_THAT(file_formats_as_csv(), HasSubstr("fmt/43"));
+}
+
+TEST_F(WriteBagTest, ATakeThatDiffersFromItsManifestIsRefused) {
+  write_file_atomically(path("take") / kManifestFile,
+                        manifest_as_text(make_manifest(Take(path("take")), {})));
+  write();
+  const auto refusal = [&] {
+    try {
+      write("other");
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+  write_file_atomically(path("take") / "100%.txt", "changed\n");
+  EXPECT_THAT(refusal(), HasSubstr("not as its manifest states, for example 100%.txt"));
+  fs::remove(path("take") / "100%.txt");
+  EXPECT_THAT(refusal(), HasSubstr("for example 100%.txt"));
+  write_file_atomically(path("take") / "100%.txt", "a name with per cent\n");
+  write_file_atomically(path("take") / "added.txt", "");
+  EXPECT_THAT(refusal(), HasSubstr("for example data/added.txt"));
+  fs::remove(path("take") / "added.txt");
+  EXPECT_EQ(refusal(), "accepted");
 }
 
 }  // namespace write_bag_test

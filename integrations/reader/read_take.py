@@ -21,6 +21,7 @@ SECRET = bytes.fromhex(
     "b8fe6c3923a44bbe7c01812cf721ad1cded46de9839097db7240a4a4b7b3671fcb79e64eccc0e578825ad07dccff7221b8084674f743248ee03590e6813a264c"
     "3c2852bb91c300cb88d0658b1b532ea371644897a20df94e3819ef46a9deacd8a8fa763fe39c343ff9dcbbc7c70b4f1d8a51e04bcdb45931c89f7ec9d9787364"
     "eac5ac8334d3ebc3c581a0fffa1363eb170ddd51b7f0da49d316552629d4689e2b16be587d47a1fc8ff8b8d17ad031ce45cb3a8f95160428afd7fbcabb4b407e")
+KINDS = {"PICTURE": "jxl", "HEVC": "hevc", "V_AV1": "obu"}  # of files, by parts of codecs' names
 SRGB = (lambda light: np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0) ** (1 / 2.4) - 0.055),
         lambda value: np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0) + 0.055) / 1.055) ** 2.4))
 POWER = (lambda light: light ** (1 / 2.4), lambda value: value**2.4)  # a scale on which light is blended: its value, and back
@@ -86,34 +87,35 @@ def read_matroska(data):
     return codec, blocks
 
 
-def read_journal(data):
-    """Yields time ns, offset, size, status, XXH3, arrival ns, sequence number of the records that pass their check."""
-    require(struct.unpack_from("<8sII", data) == (b"RAYSJRNL", 2, 48), "not a journal of version 2")
-    for at, record in ((at, data[at:at + 48]) for at in range(64, len(data) - 47, 48)):
-        if crc24(record[:21] + bytes(3) + record[24:]) == int.from_bytes(record[21:24], "little"):
-            time, offset, size, status, _, digest, arrival, sequence = struct.unpack("<qQIB3sQqQ", record)
-            yield time, offset, size, status, digest, None if arrival == -2**63 else arrival, sequence
+def read_journal(data, name):
+    """Yields time ns, offset, size, status, XXH3, arrival ns, sequence number of the records that pass their check (of version 2)."""
+    magic, version, step = struct.unpack_from("<8sII", data.ljust(16))
+    require(magic == b"RAYSJRNL" and (version, step) in ((1, 32), (2, 48)), f"{name}: not a journal of version 1 or 2")
+    for at, record in ((at, data[at:at + step]) for at in range(64, len(data) - step + 1, step)):
+        if version == 1 or crc24(record[:21] + bytes(3) + record[24:]) == int.from_bytes(record[21:24], "little"):
+            time, offset, size, status, _, digest, arrival, sequence = struct.unpack("<qQIB3sQqQ", record.ljust(48, b"\0"))
+            yield time, offset, size, status, digest, None if version == 1 or arrival == -2**63 else arrival, sequence
         else:
-            print(f"the record at byte {at} of a journal fails its check", file=sys.stderr)
+            print(f"{name}: the record at byte {at} fails its check", file=sys.stderr)
 
 
 class Take:
     def __init__(self, folder):
         self.document, self.rig = (json.loads((folder / name).read_text()) for name in ("take.json", "rig.json"))
         require(all(document["schema"] in (f"raystage/{kind}/1", f"raystage/{kind}/2")
-                    for kind, document in (("take", self.document), ("rig", self.rig))), "not a take and a rig of version 1 or 2")
+                    for kind, document in (("take", self.document), ("rig", self.rig))), f"{folder}: no take and rig of version 1 or 2")
         self.bytes, self.cameras, self.timeline = [], [], None
         for camera in self.document["cameras"]:
             files = [folder / camera[name] for name in ("archive", "journal")]
-            require(all(folder.resolve() in file.resolve().parents for file in files), f"{files}: outside of the take")
+            require("/" not in camera["id"] and all(folder.resolve() in file.resolve().parents for file in files), f"{files}: outside")
             archive, journal = (file.read_bytes() if file.exists() else b"" for file in files)
             (codec, blocks), frames, gaps = read_matroska(archive + bytes(12)), [], []
-            for time, offset, size, status, digest, arrival, sequence in read_journal(journal) if journal else ():
+            for time, offset, size, status, digest, arrival, sequence in read_journal(journal, files[1]) if journal else ():
                 record = {"time_ns": time, "status": status, "reason": STATUS[status], "arrival_ns": arrival, "sequence": sequence}
                 if status in (0, 10):
                     is_intact = offset + size <= len(archive) and xxh3(archive[offset:offset + size]) in (digest, None)
-                    is_block = blocks.pop(offset, None) == (size, time)
-                    record.update(offset=offset, size=size, xxh3=f"{digest:016x}", intact=is_intact, is_block=is_block)
+                    record.update(offset=offset, size=size, xxh3=f"{digest:016x}", intact=is_intact)
+                    record["is_block"] = blocks.pop(offset, None) == (size, time)
                 (frames if status in (0, 10) else gaps).append(record)
             frames += [{"time_ns": time, "offset": offset, "size": size, "intact": None} for offset, (size, time) in blocks.items()]
             self.bytes.append(archive)
@@ -126,10 +128,9 @@ class Take:
             self.timeline = {"rate_hz": rate, "ticks_ns": np.frombuffer(data, "<i8", ticks, 48).tolist(), "frames": table}
 
     def frame(self, camera, index):
-        """Returns the file of a stored frame: a JPEG, unpacked if it is packed, or the JPEG XL of a frame of more than 8 bits."""
+        """Returns the file of a stored frame: a JPEG, unpacked if it is packed, the JPEG XL of more than 8 bits, or a packet of video."""
         frame, codec = self.cameras[camera]["frames"][index], self.cameras[camera]["codec"]
         data = self.bytes[camera][frame["offset"]:frame["offset"] + frame["size"]]
-        require("JP" in codec, "frames are video: ffmpeg reads them")
         if codec == "V_JPEGXL" and data.startswith(bytes.fromhex("0000000c4a584c200d0a870a")):
             packed, data = data, decoded_by_djxl(data, "frame.jpg")
             require((xxh3(data), len(data)) == struct.unpack_from("<QI", packed, 56), "a packed frame does not give its JPEG")
@@ -149,8 +150,7 @@ class Take:
         return SRGB[1](codes) if self.document["color_space"] == "srgb_texture" else codes
 
 
-def decoded_by_djxl(data, name):
-    """Returns the file that djxl makes of a JPEG XL file; the end of `name` says of which kind."""
+def decoded_by_djxl(data, name):  # the end of `name` chooses the kind of file
     with tempfile.TemporaryDirectory() as folder:
         pathlib.Path(folder, "frame.jxl").write_bytes(data)
         subprocess.run(["djxl", "frame.jxl", name], cwd=folder, check=True, stderr=subprocess.DEVNULL)
@@ -258,7 +258,8 @@ def focal_plane_picture(take, view, depth):
     for i in (i for i in present if weights[i].any()):
         lens, width, height = rig[i]["intrinsics"], rig[i]["width"], rig[i]["height"]
         require(lens.get("projection", "pinhole") == "pinhole" and set(responses[i]) == {"brightness", "contrast"}
-                and deep[i]["transfer"] in ("srgb", "linear") and "chromaticities" not in deep[i], "not supported, see the beginning")
+                and "JP" in take.cameras[i]["codec"] and deep[i]["transfer"] in ("srgb", "linear") and "chromaticities" not in deep[i],
+                "not supported, see the beginning")
         right, up, back = np.moveaxis((eye + distance[..., None] * rays - centres[i]) @ poses[i, :3, :3], 2, 0)
         u, v = right / -back, up / back
         k1, k2, k3, p1, p2 = (lens.get("distortion", {}).get(name, 0) for name in ("k1", "k2", "k3", "p1", "p2"))
@@ -280,12 +281,11 @@ def main():
     parser.add_argument("-o", "--output", type=pathlib.Path, required=True, help="folder for take.json, picture.exr, CAMERA.INDEX.jpg")
     parser.add_argument("--views", type=pathlib.Path, help="document raystage/views/1, of whose first view a picture is rendered")
     parser.add_argument("--depth-m", type=float, default=4, help="distance of the focal plane from the array, metres (default: 4)")
-    options = parser.parse_args()
-    take = Take(options.take)
+    take = Take((options := parser.parse_args()).take)
     options.output.mkdir(exist_ok=True)
     (options.output / "take.json").write_text(json.dumps({"cameras": take.cameras, "timeline": take.timeline}, indent=1))
     for i, camera in enumerate(take.cameras):
-        kind = "jxl" if camera["codec"] == "V_JPEGXL/PICTURE" else "jpg"
+        kind = next((KINDS[part] for part in camera["codec"].split("/") if part in KINDS), "jpg")
         for index in (index for index, frame in enumerate(camera["frames"]) if frame["intact"] is not False):
             (options.output / f"{camera['id']}.{index}.{kind}").write_bytes(take.frame(i, index))
     if options.views:

@@ -156,6 +156,42 @@ class Reader(unittest.TestCase):
             self.assertEqual(camera["gaps"], before["gaps"])
             self.assertTrue(all(frame["intact"] for frame in camera["frames"]))
 
+    def test_blocks_of_video_are_as_stored(self) -> None:
+        for codec, references, kind in (("hevc", "time", "hevc"), ("av1", "time", "obu"), ("hevc", "cameras", "hevc")):
+            video = self.root / f"{codec}_{references}"
+            raystage("pack", "-q", self.take, "-o", video, "--temporal", codec, "--references", references)
+            listed, files = read(video)
+            for before, camera in zip(self.listed["cameras"], listed["cameras"]):
+                self.assertEqual([frame["time_ns"] for frame in camera["frames"]], [frame["time_ns"] for frame in before["frames"]])
+                self.assertEqual(camera["gaps"], before["gaps"])
+                self.assertTrue(all(frame["intact"] and frame["is_block"] for frame in camera["frames"]))
+                archive = video / f"archive/{camera['id']}.mkv"
+                output_of("mkvextract", archive, "tracks", "--raw", f"0:{self.root / 'raw'}")
+                stored = [(files / f"{camera['id']}.{i}.{kind}").read_bytes() for i in range(len(camera["frames"]))]
+                self.assertEqual(b"".join(stored), (self.root / "raw").read_bytes())
+
+    def test_the_first_journals_are_read(self) -> None:
+        golden = pathlib.Path(__file__).resolve().parents[1] / "golden/0.1-2026-11-21/take"
+        take = pathlib.Path(shutil.copytree(golden, self.root / "first"))
+        info = json.loads(raystage("info", take, "--json"))
+        listed, _ = read(take)
+        for camera, known in zip(listed["cameras"], info["cameras"]):
+            self.assertEqual((camera["id"], len(camera["frames"])), (known["id"], known["frames"]))
+            self.assertEqual(collections.Counter(gap["reason"] for gap in camera["gaps"]), collections.Counter(known["missing"]))
+            self.assertTrue(all(frame["intact"] and frame["is_block"] for frame in camera["frames"]))
+
+    def test_no_file_is_written_outside(self) -> None:
+        for number, name in enumerate(("../escaped", str(self.root / "escaped"))):
+            take = self.copy(f"hostile{number}")
+            text = (take / "take.json").read_text()
+            first = self.listed["cameras"][0]["id"]
+            (take / "take.json").write_text(text.replace(f'"id": "{first}"', f'"id": "{name}"'))
+            command = [sys.executable, READER, take, "-o", self.root / "out"]
+            done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("outside", done.stderr)
+            self.assertFalse(list(self.root.glob("escaped*")))
+
     def test_damage_is_found_where_it_is(self) -> None:
         damaged = self.copy("damaged")
         rotten, lost, torn = self.listed["cameras"][:3]

@@ -64,7 +64,7 @@ class SourceFinder {
   std::vector<Source> find() {
     for (const auto& [name, is_folder] : entries({})) {
       const fs::path path(name);
-      if (!is_folder && !is_map(path)) continue;  // tables and documents beside the maps
+      if (!is_folder && !is_map(path)) continue;  // other tables and documents of that folder
       const std::string id = is_folder ? name : path.stem().string();
       const int camera = take_.camera_index(id);
       if (camera < 0) throw unknown_camera(name, id);

@@ -177,6 +177,15 @@ ExportReport export_depths(const store::Take& take, const DepthExportOptions& op
   }
   OutputFolder folder(options.output);
   const CancellationScope scope(stop);
+  // As much as incompressible: 2 or 4 bytes a pixel.
+  double bytes = 0;
+  for (const auto& entry : cameras_of) {
+    for (const auto camera : entry.second) {
+      const auto& model = take.rig().cameras[choice.cameras[camera].camera].model;
+      bytes += (options.png_range ? 2.0 : 4.0) * model.width() * model.height();
+    }
+  }
+  check_free_space(options.output, bytes);
   RecordedDepths recorded(take, options);
   FrameCounter counter(choice.frames(), options.progress);
   folder.fill([&] {

@@ -146,7 +146,7 @@ void declare(CommandLine& command, Options& options) {
       .option("--distance D", options.distance,
               "Loss of the JPEG XL pictures, Butteraugli distance: 0 = none, 1 = visually "
               "lossless (default: 0)")
-      .range(0, 15);
+      .range(0.0, 15.0);
   command.option("--quality Q", options.quality, "JPEG quality of encoded images (default: 95)")
       .range(1, 100);
   command.option("--chroma S", options.chroma, "Chroma subsampling when encoding (default: 444)")

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads the frames of a movie through FFmpeg: Motion JPEG byte for byte, other codecs decoded in
-// one thread and converted to 8-bit RGB by swscale.
+// one thread and converted to RGB of 8 or 16 bits by swscale.
 #include "ingest/movie_decoding.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 #include <utility>
 
@@ -13,6 +15,22 @@
 #include "ingest/sources/ffmpeg_pointers.h"
 
 namespace raystage::ingest {
+namespace {
+
+/// Returns the contrast, 16.16 fixed point, with which swscale converts Y'CbCr to R'G'B' of 16 bits
+/// whose white is 65535. Without it white is that of 8 bits, 255, or the largest code, followed by
+/// zeros: 0.4 % too dark in limited range.
+int contrast_of_16_bits(AVPixelFormat source, bool full_range) {
+  constexpr double kUnchanged = 1 << 16, kWhite = 65535, kLimitedWhite = 255 << 8;
+  constexpr int kBits = 16;
+  const int bits = std::min(kBits, av_pix_fmt_desc_get(source)->comp[0].depth);
+  const double full_white = ((1 << bits) - 1) << (kBits - bits);
+  return static_cast<int>(
+      std::lround(kUnchanged * kWhite / (full_range ? full_white : kLimitedWhite)));
+}
+
+}  // namespace
+
 struct MovieDecoder::State {
   std::filesystem::path file;
   AvPtr<AVFormatContext> format;
@@ -149,10 +167,12 @@ void MovieDecoder::State::convert(AVPixelFormat target, std::uint8_t* values, in
       picture->colorspace == AVCOL_SPC_UNSPECIFIED || picture->colorspace == AVCOL_SPC_RGB
           ? SWS_CS_DEFAULT
           : static_cast<int>(picture->colorspace);
-  constexpr int kUnchanged = 1 << 16;  // contrast and saturation, 16.16 fixed point
+  constexpr int kUnchanged = 1 << 16;  // saturation, 16.16 fixed point
+  const int contrast =
+      target == AV_PIX_FMT_RGB48 ? contrast_of_16_bits(source, full_range) : kUnchanged;
   // The call fails only for RGB sources, which have neither matrix nor range.
   sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(matrix), full_range ? 1 : 0,
-                           sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, kUnchanged, kUnchanged);
+                           sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, contrast, kUnchanged);
   const std::array<std::uint8_t*, 4> planes{values, nullptr, nullptr, nullptr};
   const std::array<int, 4> strides{row_bytes, 0, 0, 0};
   const int rows = sws_scale(scaler.get(), picture->data, picture->linesize, 0, picture->height,

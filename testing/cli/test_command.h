@@ -16,12 +16,10 @@ struct CommandResult {
   std::string output;  ///< standard output and standard error, interleaved
 };
 
-/// Runs `raystage ARGUMENTS` in the shell.
-inline CommandResult run_raystage(const std::string& arguments) {
+/// Runs a command in the shell.
+inline CommandResult run_in_shell(const std::string& command) {
   CommandResult result;
-  const std::string command =
-      "'" + commands_folder().string() + "/raystage' " + arguments + " 2>&1";
-  std::FILE* pipe = popen(command.c_str(), "r");
+  std::FILE* pipe = popen((command + " 2>&1").c_str(), "r");
   if (pipe == nullptr) return result;
   std::array<char, 4096> buffer{};
   std::size_t count = 0;
@@ -31,6 +29,11 @@ inline CommandResult run_raystage(const std::string& arguments) {
   const int status = pclose(pipe);
   result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   return result;
+}
+
+/// Runs `raystage ARGUMENTS` in the shell.
+inline CommandResult run_raystage(const std::string& arguments) {
+  return run_in_shell("'" + commands_folder().string() + "/raystage' " + arguments);
 }
 
 }  // namespace raystage::testing

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage export of takes, as users run it.
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <thread>
 
 #include "base/atomic_file.h"
+#include "testing/cli/running_command.h"
 #include "testing/cli/test_command.h"
 #include "testing/exports/export_test_data.h"
 #include "testing/test_paths.h"
@@ -226,21 +226,12 @@ TEST_F(ExportTakes, AFullDiskLeavesNothing) {
 
 TEST_F(ExportTakes, AKilledProcessLeavesNoFileUnderTheName) {
   for (const int signal : {SIGTERM, SIGKILL}) {
-    const pid_t child = fork();
-    if (child == 0) {
-      const int nowhere = open("/dev/null", O_WRONLY);
-      dup2(nowhere, 1);
-      dup2(nowhere, 2);
-      execl((testing::commands_folder() / "raystage-export").c_str(), "raystage-export", "mosaic",
-            data.path().c_str(), "-o", data.out("all.mkv").c_str(), "--fps", "1000", "--tile-width",
-            "2048", "--codec", "ffv1", nullptr);
-      _exit(127);
-    }
+    testing::RunningCommand command({"raystage-export", "mosaic", data.path().string(), "-o",
+                                     data.out("all.mkv").string(), "--fps", "1000", "--tile-width",
+                                     "2048", "--codec", "ffv1"});
     // Until the temporary file is there.
     while (data.names().size() < 2) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    kill(child, signal);
-    int status = 0;
-    waitpid(child, &status, 0);
+    const int status = command.end_by(signal);
     EXPECT_FALSE(exists("all.mkv"));
     if (signal == SIGTERM) {
       EXPECT_EQ(WEXITSTATUS(status), 128 + SIGTERM);

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage verify and raystage repair as an archivist runs them.
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <csignal>
@@ -13,11 +11,11 @@
 #include <thread>
 
 #include "base/atomic_file.h"
+#include "testing/cli/running_command.h"
 #include "testing/cli/test_command.h"
 #include "testing/store/sparse_take.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
-#include "testing/test_paths.h"
 
 namespace raystage::cli {
 namespace {
@@ -156,15 +154,7 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
 /// Runs `raystage repair` and kills it when it has begun to write. Returns false if it ended
 /// before.
 bool repair_is_killed(const std::filesystem::path& take) {
-  const pid_t child = fork();
-  if (child == 0) {
-    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-    dup2(nowhere, STDOUT_FILENO);
-    dup2(nowhere, STDERR_FILENO);
-    execl((testing::commands_folder() / "raystage-repair").c_str(), "raystage-repair", take.c_str(),
-          nullptr);
-    _exit(1);
-  }
+  testing::RunningCommand repair({"raystage-repair", take.string()});
   const auto has_begun = [&] {
     std::error_code error;
     for (std::filesystem::directory_iterator entry(take / "archive", error), end;
@@ -173,12 +163,8 @@ bool repair_is_killed(const std::filesystem::path& take) {
     }
     return false;
   };
-  int status = 0;
-  while (waitpid(child, &status, WNOHANG) == 0) {
-    if (!has_begun()) continue;
-    kill(child, SIGKILL);
-    waitpid(child, &status, 0);
-    return WIFSIGNALED(status);
+  while (!repair.has_ended()) {
+    if (has_begun()) return WIFSIGNALED(repair.end_by(SIGKILL));
   }
   return false;
 }
@@ -327,14 +313,8 @@ TEST_F(FixityCommands, BadUsageAndInputExitWithTwo) {
 /// Starts `raystage verify --catalogue` with a slow pace and kills it when the catalogue states
 /// progress.
 void kill_catalogue_run(const std::filesystem::path& takes) {
-  const std::string program = testing::commands_folder() / "raystage-verify";
-  const pid_t process = ::fork();
-  ASSERT_GE(process, 0);
-  if (process == 0) {
-    ::execl(program.c_str(), program.c_str(), "--catalogue", takes.c_str(), "--limit-mbps", "0.4",
-            "-q", "-j", "1", static_cast<char*>(nullptr));
-    ::_exit(127);
-  }
+  testing::RunningCommand verify(
+      {"raystage-verify", "--catalogue", takes.string(), "--limit-mbps", "0.4", "-q", "-j", "1"});
   const std::filesystem::path catalogue = takes / "raystage-fixity.json";
   for (int i = 0; i < 600; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -345,10 +325,7 @@ void kill_catalogue_run(const std::filesystem::path& takes) {
   }
   EXPECT_EQ(testing::run_raystage("verify -q --catalogue '" + takes.string() + "'").exit_code, 1)
       << "two runs used one catalogue";
-  ::kill(process, SIGKILL);
-  int status = 0;
-  ASSERT_EQ(::waitpid(process, &status, 0), process);
-  ASSERT_TRUE(WIFSIGNALED(status));
+  ASSERT_TRUE(WIFSIGNALED(verify.end_by(SIGKILL)));
 }
 
 TEST_F(FixityCommands, ACatalogueOfManyTakes) {

@@ -1,44 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole commands: packed takes, read by other commands and by programs that are not ours.
-#include <fcntl.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <chrono>
-#include <csignal>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "store/take.h"
 #include "testing/cli/render_command_test_data.h"
-#include "testing/test_paths.h"
 
 namespace raystage::testing {
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-/// Returns the names of files that are only in one of two folders or differ, but those in depth/
-/// and the event log.
-std::vector<std::string> different_files(const fs::path& a, const fs::path& b) {
-  const auto first = files_under(a), second = files_under(b);
-  std::vector<std::string> names;
-  const auto add = [&](const std::string& name) {
-    if (!name.starts_with("depth/") && name != "events.jsonl") names.push_back(name);
-  };
-  for (const auto& [name, bytes] : first) {
-    const auto other = second.find(name);
-    if (other == second.end() || other->second != bytes) add(name);
-  }
-  for (const auto& [name, bytes] : second) {
-    if (!first.contains(name)) add(name);
-  }
-  return names;
-}
 
 /// The take of RenderCommandTest, packed as `packed`.
 class PackCommandTest : public RenderCommandTest {
@@ -87,37 +60,6 @@ TEST_F(PackCommandTest, BadUsageHasExitCode2) {
       run_raystage("unpack " + quoted("take") + " -o " + quoted("a") + " -q");
   EXPECT_EQ(unpacked.exit_code, 2);
   EXPECT_THAT(unpacked.output, HasSubstr("not packed"));
-}
-
-TEST_F(PackCommandTest, AKilledCommandLeavesTheSourceAndNoTarget) {
-  fs::copy(path("take"), path("before"), fs::copy_options::recursive);
-  int killed = 0;
-  for (int wait = 0; wait < 40; wait += 4) {
-    const std::string program = testing::commands_folder() / "raystage-pack";
-    std::vector<std::string> words{program, path("take").string(), "-o", path("packed").string(),
-                                   "-q"};
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-    pid_t process = 0;
-    ASSERT_EQ(posix_spawn(&process, argv[0], &actions, nullptr, argv.data(), environ), 0);
-    posix_spawn_file_actions_destroy(&actions);
-    std::this_thread::sleep_for(std::chrono::milliseconds(wait));
-    ::kill(process, SIGKILL);
-    int status = 0;
-    ASSERT_EQ(::waitpid(process, &status, 0), process);
-    killed += WIFSIGNALED(status) ? 1 : 0;
-    EXPECT_THAT(different_files(path("take"), path("before")), ::testing::IsEmpty());
-    if (!fs::exists(path("packed"))) continue;
-    // It has its name only when it is complete.
-    EXPECT_EQ(run_raystage("verify " + quoted("packed") + " --decode -q").exit_code, 0);
-    fs::remove_all(path("packed"));
-  }
-  EXPECT_GT(killed, 0);
-  EXPECT_EQ(pack().exit_code, 0);
 }
 
 /// Splits what mkvextract wrote into frames by the sizes that mkvinfo lists, as

@@ -6,6 +6,7 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "base/atomic_file.h"
 #include "schemas/shot_document.h"
@@ -26,6 +27,25 @@ inline std::map<std::string, std::string> files_under(const std::filesystem::pat
     files[entry.path().lexically_relative(folder).string()] = read_file(entry.path());
   }
   return files;
+}
+
+/// Returns the names of files that are only in one of two folders or differ, but those in depth/
+/// and the event log.
+inline std::vector<std::string> different_files(const std::filesystem::path& a,
+                                                const std::filesystem::path& b) {
+  const auto first = files_under(a), second = files_under(b);
+  std::vector<std::string> names;
+  const auto add = [&](const std::string& name) {
+    if (!name.starts_with("depth/") && name != "events.jsonl") names.push_back(name);
+  };
+  for (const auto& [name, bytes] : first) {
+    const auto other = second.find(name);
+    if (other == second.end() || other->second != bytes) add(name);
+  }
+  for (const auto& [name, bytes] : second) {
+    if (!first.contains(name)) add(name);
+  }
+  return names;
 }
 
 /// A shot of two frames from a take with nine cameras and two ticks that shows a textured plane.

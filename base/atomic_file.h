@@ -75,6 +75,10 @@ std::string read_file(const ContainedPath& file, std::uint64_t max_bytes = kMaxF
 
 /// Returns whether a file or folder exists and can be seen.
 bool file_exists(const std::filesystem::path& path);
+/// Returns whether a folder, or a link to one, can be seen.
+bool is_folder(const std::filesystem::path& path);
+/// Returns whether a file, a folder or a link of this name can be seen.
+bool is_name_taken(const std::filesystem::path& path);
 
 /// Creates the folder and its parents. Throws Error (failed) if that is not possible.
 void create_folder(const std::filesystem::path& folder);

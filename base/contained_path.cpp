@@ -23,11 +23,6 @@ constexpr int kFolder = O_PATH | O_DIRECTORY | O_CLOEXEC;
 
 int with_defaults(int flags) { return flags | O_CLOEXEC | (flags & O_PATH ? 0 : O_NONBLOCK); }
 
-bool follows_links() {
-  const char* const value = std::getenv(kFollowLinksVariable);
-  return value != nullptr && std::string_view(value) == "1";
-}
-
 bool leaves_folder(const std::filesystem::path& relative) {
   const std::filesystem::path plain = relative.lexically_normal();
   return plain.is_absolute() || plain.empty() || *plain.begin() == "..";
@@ -35,6 +30,16 @@ bool leaves_folder(const std::filesystem::path& relative) {
 
 int open_folder(const std::filesystem::path& folder) {
   return open(folder.empty() ? "." : folder.c_str(), kFolder);
+}
+
+/// Opens by O_RDONLY or O_PATH, through links if they are permitted.
+FileDescriptor open_to_see(const ContainedPath& file, int flags) {
+  if (!permits_links()) return open_contained(file, flags);
+  if (leaves_folder(file.relative)) {
+    errno = EXDEV;
+    return FileDescriptor(-1);
+  }
+  return FileDescriptor(open(file.path().c_str(), with_defaults(flags)));
 }
 
 }  // namespace
@@ -82,13 +87,19 @@ FileDescriptor open_contained_by_parts(const ContainedPath& file, int flags, mod
   return FileDescriptor(parent);
 }
 
+bool permits_links() {
+  const char* const value = std::getenv(kFollowLinksVariable);  // NOLINT(concurrency-mt-unsafe)
+  return value != nullptr && std::string_view(value) == "1";
+}
+
 FileDescriptor open_contained_to_read(const ContainedPath& file) {
-  if (!follows_links()) return open_contained(file, O_RDONLY);
-  if (leaves_folder(file.relative)) {
-    errno = EXDEV;
-    return FileDescriptor(-1);
-  }
-  return FileDescriptor(open(file.path().c_str(), with_defaults(O_RDONLY)));
+  return open_to_see(file, O_RDONLY);
+}
+
+bool exists(const ContainedPath& file) {
+  if (open_to_see(file, O_PATH).open()) return true;
+  if (errno == ENOENT || errno == ENOTDIR) return false;
+  throw contained_open_error(file, errno);
 }
 
 Error contained_open_error(const ContainedPath& file, int reason) {

@@ -32,12 +32,20 @@ FileDescriptor open_contained_by_parts(const ContainedPath& file, int flags, mod
 /// then be on other disks.
 inline constexpr const char* kFollowLinksVariable = "RAYSTAGE_FOLLOW_LINKS";
 
+/// Returns whether kFollowLinksVariable is 1.
+bool permits_links();
+
 /// Opens a file for reading as open_contained() does, or through links if kFollowLinksVariable
 /// is 1.
 FileDescriptor open_contained_to_read(const ContainedPath& file);
 
 /// Returns the error for a failure of the functions above; `reason` is its errno.
 Error contained_open_error(const ContainedPath& file, int reason);
+
+/// Returns whether there is a file or folder that open_contained_to_read() might open. Throws Error
+/// (bad input) that names it if that cannot be determined: behind a link, in a folder that may not
+/// be searched, or of too long a name.
+bool exists(const ContainedPath& file);
 
 /// Throws Error (bad input) if the path leaves its folder, or if a part of it is a link, and Error
 /// (failed) if that cannot be determined. What does not exist is no link. Call it before writing or

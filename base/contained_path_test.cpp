@@ -74,6 +74,38 @@ TEST_F(ContainedPaths, AreReadThroughLinksOnlyOnRequest) {
   EXPECT_NO_THROW(OutputFile(ContainedPath{take_, "archive/a.mkv"}));
 }
 
+TEST_F(ContainedPaths, AbsentIsOnlyWhatCannotBeBehindALink) {
+  const auto exists_in_take = [&](const fs::path& name) {
+    return exists(ContainedPath{take_, name});
+  };
+  fs::create_symlink("loop", take_ / "loop");
+  for (const char* name : {"archive/a.mkv", "archive", "pipe"}) {
+    EXPECT_TRUE(exists_in_take(name)) << name;
+  }
+  for (const char* name : {"missing", "missing/more", "archive/a.mkv/more"}) {
+    EXPECT_FALSE(exists_in_take(name)) << name;
+  }
+  EXPECT_FALSE(exists(ContainedPath{take_ / "missing", "a.mkv"}));
+  const std::string long_name = std::string(300, 'x') + ".mkv";
+  for (const std::string& name :
+       {std::string("loop"), std::string("link"), std::string("broken"), std::string("up/secret"),
+        std::string("../secret"), "archive/" + long_name}) {
+    try {
+      exists_in_take(name);
+      ADD_FAILURE() << name;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      EXPECT_THAT(error.where(), ::testing::HasSubstr(name));
+    }
+  }
+  ASSERT_EQ(setenv(kFollowLinksVariable, "1", 1), 0);
+  EXPECT_TRUE(exists_in_take("link"));
+  EXPECT_FALSE(exists_in_take("broken"));
+  EXPECT_THROW(exists_in_take("loop"), Error);
+  EXPECT_THROW(exists_in_take("../secret"), Error);
+  ASSERT_EQ(unsetenv(kFollowLinksVariable), 0);
+}
+
 TEST_F(ContainedPaths, OpenWhatIsInTheFolder) {
   EXPECT_EQ(result("archive/a.mkv"), 0);
   EXPECT_EQ(result("archive"), 0);

@@ -202,13 +202,21 @@ void sync_folder(const std::filesystem::path& folder) {
 
 void sync_files_below(const std::filesystem::path& folder) {
   const auto for_each_file = [&](auto&& act) {
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
-      if (!entry.is_regular_file() && !entry.is_directory()) continue;
-      const FileDescriptor file(open(entry.path().c_str(), O_RDONLY | O_CLOEXEC));
-      if (!file.open() || !act(file.number(), entry.is_directory())) {
-        throw Error::from_errno("the data cannot be flushed to disk", entry.path().string(),
+    std::error_code error, unknown;
+    // Not a range-based for: its increment would throw.
+    for (std::filesystem::recursive_directory_iterator entry(folder, error), end;
+         !error && entry != end; entry.increment(error)) {
+      const bool is_folder = entry->is_directory(unknown);
+      if (!is_folder && !entry->is_regular_file(unknown)) continue;
+      const FileDescriptor file(open(entry->path().c_str(), O_RDONLY | O_CLOEXEC));
+      if (!file.open() || !act(file.number(), is_folder)) {
+        throw Error::from_errno("the data cannot be flushed to disk", entry->path().string(),
                                 "Check the disk for errors and free space");
       }
+    }
+    if (error) {
+      throw Error::failed("the folder cannot be read: " + error.message(), folder.string(),
+                          "Check its permissions and the disk");
     }
   };
   for_each_file([](int descriptor, bool is_folder) {

@@ -135,7 +135,7 @@ bool TemporaryFolder::commit() {
   if (renameat2(AT_FDCWD, path_.c_str(), AT_FDCWD, target_.c_str(), RENAME_NOREPLACE) != 0) {
     if (errno != EINVAL && errno != ENOSYS) return false;
     // Not every file system supports the flag; otherwise at worst an empty folder is replaced.
-    if (fs::exists(fs::symlink_status(target_))) {
+    if (is_name_taken(target_)) {
       errno = EEXIST;
       return false;
     }

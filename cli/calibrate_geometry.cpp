@@ -226,7 +226,7 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
   check_writable(options.output);
   if (!options.report.empty()) check_writable(options.report);
   if (!options.detections.empty()) check_writable(options.detections);
-  const bool is_take = std::filesystem::is_directory(options.input);
+  const bool is_take = is_folder(options.input);
   const bool has_board = !options.board.squares.empty();
   if (has_board && !is_take) {
     throw Error::bad_input("--board needs a take, but this is not a take", options.input.string(),

@@ -12,6 +12,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <new>
 #include <system_error>
@@ -107,6 +108,9 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
   } catch (const std::bad_alloc&) {
     complain("out of memory. Use fewer threads or a smaller --memory.");
     code = kOutOfMemoryCode;
+  } catch (const std::filesystem::filesystem_error& error) {
+    complain(fmt::format("a file or folder cannot be examined: {}. Check its name and permissions.",
+                         error.what()));
   } catch (const std::system_error& error) {  // from fmt, if it cannot print
     complain(fmt::format("{}. Check the free space of the output disk.", error.what()));
   } catch (const std::exception& error) {

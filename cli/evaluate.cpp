@@ -38,7 +38,7 @@ struct Options {
 void append_row(const std::filesystem::path& file, const evaluation::Evaluation& evaluation,
                 const std::string& label) {
   const std::string before =
-      std::filesystem::exists(file) ? read_file(file) : evaluation::evaluation_table_heading();
+      file_exists(file) ? read_file(file) : evaluation::evaluation_table_heading();
   write_file_atomically(file, before + evaluation::evaluation_table_row(evaluation, label));
 }
 
@@ -58,7 +58,7 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
   const evaluation::Evaluation evaluation = evaluation::evaluate_views(
       take, views, options.views.parent_path(), settings,
       [&](double done) { progress.report(done); }, stop);
-  print("{}", evaluation::evaluation_as_text(evaluation));
+  print(evaluation::evaluation_as_text(evaluation));
   if (!options.json.empty())
     write_file_atomically(options.json, evaluation::evaluation_as_json(evaluation));
   if (!options.table.empty()) {

@@ -23,11 +23,6 @@ struct RigExport {
   std::string format;
 };
 
-bool is_folder(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::is_directory(path, ignored);
-}
-
 /// Throws Error (bad input) if a file would replace the rig.
 void check_not_the_rig(const std::filesystem::path& file, const std::filesystem::path& rig) {
   std::error_code ignored;

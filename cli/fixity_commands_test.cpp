@@ -62,6 +62,41 @@ TEST_F(FixityCommands, AWholeTake) {
   EXPECT_THAT(repair.output, HasSubstr("3 of 3 cameras were intact"));
 }
 
+/// A link to itself, and a name that no file can have, are faults of one camera.
+TEST_F(FixityCommands, WhatCannotBeExaminedIsAnErrorOfItsCamera) {
+  const auto expect_named = [&](const std::string& command, const std::string& name) {
+    const testing::CommandResult result = run(command + " " + quoted);
+    EXPECT_THAT(result.output, HasSubstr(name)) << command;
+    for (const char* wrong : {"unexpected", "Please report", "free space"}) {
+      EXPECT_THAT(result.output, Not(HasSubstr(wrong))) << command;
+    }
+    return result;
+  };
+  const auto journal = take / "archive/c1.journal";
+  const std::string journal_text = read_file(journal), document = read_file(take / "take.json");
+  std::filesystem::remove(journal);
+  std::filesystem::create_symlink("c1.journal", journal);
+  EXPECT_EQ(expect_named("verify -q", "c1.journal").exit_code, 2);
+  EXPECT_THAT(expect_named("verify -q", "c1.journal").output, HasSubstr("2 intact"));
+  EXPECT_THAT(expect_named("repair -q", "c1.journal").output, HasSubstr("2 of 3 cameras"));
+  EXPECT_EQ(expect_named("info", "c1.journal").exit_code, 0);
+  std::filesystem::remove(journal);
+  write_file_atomically(journal, journal_text);
+
+  std::filesystem::create_symlink("timeline.zst", take / "timeline.zst");
+  EXPECT_EQ(expect_named("verify -q", "timeline.zst").exit_code, 1);
+  expect_named("info", "timeline.zst");
+  std::filesystem::remove(take / "timeline.zst");
+
+  const std::string long_name = std::string(300, 'x') + ".mkv";
+  std::string text = document;
+  const std::size_t at = text.find("c1.mkv");
+  ASSERT_NE(at, std::string::npos);
+  write_file_atomically(take / "take.json", text.replace(at, 6, long_name));
+  EXPECT_EQ(expect_named("verify -q", long_name).exit_code, 2);
+  EXPECT_THAT(expect_named("repair -q --dry-run", long_name).output, HasSubstr("2 of 3 cameras"));
+}
+
 TEST_F(FixityCommands, AManifestNamesWhatIsNotAsItWas) {
   const testing::CommandResult none = run("verify -q --manifest check " + quoted);
   EXPECT_EQ(none.exit_code, 2) << none.output;

@@ -32,7 +32,8 @@ struct EpiCommand {
 
 ExitCode run_epi(const EpiCommand& command, const std::stop_token& stop) {
   const store::Take take(command.take);
-  if (command.write && std::filesystem::is_symlink(take.folder() / "take.json")) {
+  std::error_code unknown;  // writing reports it then
+  if (command.write && std::filesystem::is_symlink(take.folder() / "take.json", unknown)) {
     throw Error::bad_input("take.json is a link, and nothing is written through links",
                            command.take.string(), "Measure the take that it refers to");
   }
@@ -52,8 +53,8 @@ ExitCode run_epi(const EpiCommand& command, const std::stop_token& stop) {
         command.take, "metadata modification", "plan epi --write: take.json",
         fmt::format("depth range {:.6g} to {:.6g} m", depths.range->near, depths.range->far));
   }
-  print("{}", command.json ? planning::measured_depths_as_json(depths)
-                           : planning::format_measured_depths(depths));
+  print(command.json ? planning::measured_depths_as_json(depths)
+                     : planning::format_measured_depths(depths));
   if (command.write && depths.range && !command.json) print("Written to take.json.\n");
   return depths.range ? ExitCode::kSuccess : ExitCode::kFellShort;
 }

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "base/atomic_file.h"
 #include "base/resources.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
@@ -186,7 +187,7 @@ void report_absent(const std::vector<ingest::RecorderCamera>& cameras) {
 
 /// Throws Error if there is no take. Called before cameras are opened, which can take long.
 void check_take_exists(const std::filesystem::path& take) {
-  if (std::filesystem::exists(take / "take.json")) return;
+  if (file_exists(take / "take.json")) return;
   throw Error::bad_input(
       "there is no take to resume", take.string(),
       "Omit --resume to begin a new take, or use the folder of the take to resume");

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "cli/printing.h"
 #include "ingest/record/record_setup.h"
@@ -27,7 +28,9 @@ ingest::RecordingTake resume_take(const TakeSetup& setup, const fs::path& folder
                              other);
 }
 
-bool is_take(const fs::path& folder) { return !folder.empty() && fs::exists(folder / "take.json"); }
+bool is_take(const fs::path& folder) {
+  return !folder.empty() && file_exists(folder / "take.json");
+}
 
 /// Returns whether a folder, which need not exist, is another one or below it.
 bool is_inside(const fs::path& inner, const fs::path& outer) {

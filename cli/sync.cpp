@@ -167,7 +167,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     throw Error::bad_input("the end of the range is not after its beginning", "--flash-window",
                            "Use BEGIN < END, both in seconds");
   }
-  if (!options.output.empty() && std::filesystem::exists(options.output)) {
+  if (!options.output.empty() && is_name_taken(options.output)) {
     throw Error::bad_input("the folder exists", options.output,
                            "Choose another name, or remove the folder");
   }

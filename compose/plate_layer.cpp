@@ -123,7 +123,7 @@ void PlateLayer::check_file(int frame) const {
     throw Error::bad_input("the plate is not EXR, PNG or JPEG", path.string(),
                            "Convert it to EXR, e.g. with oiiotool IN -o OUT.exr");
   }
-  if (!std::filesystem::exists(path)) {
+  if (!file_exists(path)) {
     throw Error::bad_input(fmt::format("the plate of frame {} is missing", frame), path.string(),
                            "Add it, or correct the layer's file or frame_offset");
   }

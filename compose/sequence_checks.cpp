@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "compose/frame_range.h"
 #include "compose/layers/view_coverage.h"
 #include "compose/sequence_memory_plan.h"
@@ -307,7 +308,7 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
   for (const LightFieldLayer* light_field : plan.light_fields()) {
     const std::size_t i = light_field->index();
     const std::string of_layer = layer_label(plan, i);
-    if (!std::filesystem::exists(light_field->take().folder() / store::kTimelineFile)) {
+    if (!exists(light_field->take().file(store::kTimelineFile))) {
       options.on_message(of_layer +
                          "the take has no timeline: its cameras agree, and their time stamps are "
                          "used as they are");

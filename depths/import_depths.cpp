@@ -94,7 +94,9 @@ class SourceFinder {
     for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
          entry.increment(error)) {
       const std::string name = entry->path().filename().string();
-      if (!name.starts_with('.')) found.emplace(name, fs::is_directory(entry->symlink_status()));
+      std::error_code unknown;
+      const fs::file_status status = entry->symlink_status(unknown);
+      if (!name.starts_with('.')) found.emplace(name, fs::is_directory(status));
     }
     if (error) {
       throw Error::bad_input("the folder cannot be read: " + error.message(), folder.string(),

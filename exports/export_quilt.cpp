@@ -183,9 +183,7 @@ QuiltExportOptions with_views_of_row(QuiltExportOptions options,
 }
 
 void check_absent(const std::filesystem::path& file, ExistingFiles existing) {
-  std::error_code ignored;
-  if (existing == ExistingFiles::kError &&
-      std::filesystem::exists(std::filesystem::symlink_status(file, ignored))) {
+  if (existing == ExistingFiles::kError && is_name_taken(file)) {
     throw Error::bad_input("the file exists", file.string(),
                            "Choose another name, or to overwrite it")
         .concerning({"existing"});

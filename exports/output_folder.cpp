@@ -26,7 +26,7 @@ Error exists_error(const fs::path& path) {
 /// Throws Error (bad input) if there is a file or folder of this name.
 fs::path require_no_folder(const fs::path& given) {
   fs::path folder = path_with_name(given);
-  if (fs::exists(fs::symlink_status(folder))) throw exists_error(folder);
+  if (is_name_taken(folder)) throw exists_error(folder);
   return folder;
 }
 
@@ -73,7 +73,7 @@ void check_output_outside(const fs::path& output, const store::Take& take) {
 
 void check_output_file(const fs::path& file, ExistingFiles existing, const store::Take& take) {
   check_output_outside(file, take);
-  if (existing == ExistingFiles::kError && fs::exists(fs::symlink_status(file))) {
+  if (existing == ExistingFiles::kError && is_name_taken(file)) {
     throw Error::bad_input("the file exists", file.string(),
                            "Choose another name, or to overwrite it")
         .concerning({"existing"});

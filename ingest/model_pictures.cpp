@@ -11,7 +11,6 @@
 #include <array>
 #include <cctype>
 #include <cerrno>
-#include <cstdlib>
 #include <optional>
 #include <string_view>
 #include <system_error>
@@ -129,10 +128,7 @@ std::optional<CameraPictures> pictures_of(const fs::path& folder, const std::str
 }
 
 /// The user's permission to follow links out of folders includes paths that leave them.
-bool may_leave_folders() {
-  const char* const value = std::getenv(kFollowLinksVariable);  // NOLINT(concurrency-mt-unsafe)
-  return value != nullptr && std::string_view(value) == "1";
-}
+bool may_leave_folders() { return permits_links(); }
 
 bool leaves_folder_of_images(const fs::path& image) {
   const fs::path plain = image.lexically_normal();

@@ -57,7 +57,7 @@ std::uint64_t readable_bytes(const fs::path& mesh) {
 }  // namespace
 
 DecodedScene decode_scene(const fs::path& file, const DecodeOptions& options) {
-  if (!fs::exists(file)) {
+  if (!file_exists(file)) {
     throw Error::bad_input("the mesh file does not exist", file.string(),
                            "Correct the layer's path; it is relative to the shot's folder");
   }

@@ -36,7 +36,7 @@ std::string read_if_present(const fs::path& file) {
 ShotFiles::ShotFiles(const fs::path& folder) {
   std::error_code error;
   folder_ = fs::canonical(folder, error);
-  if (error || !fs::is_directory(folder_)) {
+  if (error || !is_folder(folder_)) {
     throw Error::bad_input("this is no folder", folder.string(), "Give the folder for shots");
   }
 }

@@ -30,7 +30,7 @@ bool is_take(const fs::path& target) { return file_exists(target / "take.json");
 fs::path shot_folder_of(const ViewerOptions& options) {
   if (!options.shot_folder.empty()) return options.shot_folder;
   const fs::path target = fs::weakly_canonical(options.target);
-  if (fs::is_directory(target) && !is_take(target)) return target;
+  if (is_folder(target) && !is_take(target)) return target;
   return is_take(target.parent_path()) ? target.parent_path().parent_path() : target.parent_path();
 }
 
@@ -52,7 +52,7 @@ FirstView first_view(const ViewerOptions& options, const ShotFiles& files) {
     }
     return first;
   }
-  if (fs::is_directory(target)) {
+  if (is_folder(target)) {
     if (relative.starts_with("..")) {
       throw Error::bad_input("the folder to list is outside of the folder of shots",
                              target.string(), "Give a folder below " + files.folder().string());

@@ -2,32 +2,18 @@
 #include "schemas/event_document.h"
 
 #include "schemas/fields.h"
+#include "schemas/utf8_text.h"
 
 namespace raystage::schemas {
 namespace {
 
 constexpr auto kOutcomeNames = enum_names<TakeEvent::Outcome>("success", "warning", "failure");
 
-/// Valid UTF-8 of at most `most` bytes, without a character that is cut.
-std::string event_text(const std::string& text, std::size_t most) {
-  using Json = nlohmann::ordered_json;
-  const auto valid = [](const std::string& bytes) {
-    return Json::parse(Json(bytes).dump(-1, ' ', false, Json::error_handler_t::replace))
-        .get<std::string>();
-  };
-  std::string utf8 = valid(text);
-  if (utf8.size() <= most) return utf8;
-  std::size_t end = most;
-  while (end > 0 && (static_cast<unsigned char>(utf8[end]) & 0xc0u) == 0x80) --end;
-  utf8.resize(end);
-  return utf8;
-}
-
 std::string event_text_from(const JsonNode& node) { return node.get<std::string>(); }
 constexpr Converter kShortText(event_text_from,
-                               [](const std::string& text) { return event_text(text, 100); });
+                               [](const std::string& text) { return utf8_text(text, 100); });
 constexpr Converter kLongText(event_text_from,
-                              [](const std::string& text) { return event_text(text, 1000); });
+                              [](const std::string& text) { return utf8_text(text, 1000); });
 
 constexpr Fields kEvent(required("id", &TakeEvent::id),
                         required("time_utc", &TakeEvent::time_utc, kUtc),

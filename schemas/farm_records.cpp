@@ -2,11 +2,11 @@
 #include "schemas/farm_records.h"
 
 #include "schemas/fields.h"
+#include "schemas/utf8_text.h"
 
 namespace raystage::schemas {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using Costs = RenderStageCosts;
 using End = FarmAttempt::End;
 
@@ -16,11 +16,8 @@ constexpr auto kEndNames = enum_names<FarmEnd::State>("done", "failed", "cancell
 
 std::string text_from(const JsonNode& node) { return node.get<std::string>(); }
 
-/// Returns valid UTF-8: messages of other programs may be invalid or cut within a character.
-std::string as_utf8(const std::string& text) {
-  const std::string dumped = Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
-  return Json::parse(dumped).get<std::string>();
-}
+/// Messages of other programs may be invalid or cut within a character.
+std::string as_utf8(const std::string& text) { return utf8_text(text, std::string::npos); }
 constexpr Converter kUtf8(text_from, as_utf8);
 
 constexpr Fields kRendering(

@@ -15,6 +15,7 @@
 #include <string>
 #include <utility>
 
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/mapped_file.h"
 #include "base/posix_file.h"
@@ -324,7 +325,7 @@ ArchiveReader::ArchiveReader(const ContainedPath& archive, const ContainedPath& 
                              std::shared_ptr<UnpackedFrames> unpacked) {
   // Read the journal first: during a recording each of its records then has its frame.
   std::optional<MappedFile> journal_file;
-  if (std::filesystem::exists(journal.path())) journal_file.emplace(journal);
+  if (exists(journal)) journal_file.emplace(journal);
   state_ = std::make_unique<State>(
       archive, buffers ? std::move(buffers) : std::make_shared<FrameBuffers>(),
       unpacked ? std::move(unpacked) : std::make_shared<UnpackedFrames>());

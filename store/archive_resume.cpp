@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/mapped_file.h"
 #include "store/archive_index.h"
 #include "store/archive_writer_files.h"
@@ -96,7 +97,7 @@ Found examine_files(const std::filesystem::path& archive_path,
   const auto examine_with = [&](std::optional<Bytes> journal) {
     return examine(archive.bytes(), journal, archive_path, journal_path, description, header);
   };
-  if (!std::filesystem::exists(journal_path)) {
+  if (!exists(ContainedPath{journal_path.parent_path(), journal_path.filename()})) {
     return read_mapped([&] { return examine_with(std::nullopt); }, archive);
   }
   const MappedFile journal(journal_path);
@@ -121,7 +122,7 @@ ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
                                     const std::filesystem::path& journal,
                                     const Description& description) {
   check_description(description, archive);
-  if (!std::filesystem::exists(archive)) {
+  if (!file_exists(archive)) {
     throw Error::bad_input("the archive to resume does not exist", archive.string(),
                            "Begin a new recording");
   }

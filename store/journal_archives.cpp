@@ -4,6 +4,8 @@
 #include <string>
 #include <utility>
 
+#include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/mapped_file.h"
 #include "store/journal.h"
@@ -37,8 +39,9 @@ class JournalArchives : public RemoteArchives {
   std::optional<ArchiveReader> open(int camera) const override {
     const schemas::TakeDocument::Camera& entry = document_.cameras[camera];
     const fs::path archive = folder_ / entry.archive, journal = folder_ / entry.journal;
-    if (fs::exists(archive) || !fs::exists(journal)) return std::nullopt;
-    const MappedFile file(ContainedPath{folder_, entry.journal});
+    const ContainedPath journal_file{folder_, entry.journal};
+    if (exists(ContainedPath{folder_, entry.archive}) || !exists(journal_file)) return std::nullopt;
+    const MappedFile file(journal_file);
     const journal::Contents contents =
         read_mapped([&] { return journal::decode(file.bytes(), journal.string()); }, file);
     const Nanoseconds epoch = entry.archive_epoch_utc.value_or(document_.epoch_utc);
@@ -63,7 +66,7 @@ class JournalArchives : public RemoteArchives {
 }  // namespace
 
 std::shared_ptr<const RemoteArchives> make_journal_archives(const fs::path& take_folder) {
-  if (!fs::exists(take_folder / "take.json")) return nullptr;  // Take reports the error
+  if (!file_exists(take_folder / "take.json")) return nullptr;  // Take reports the error
   return std::make_shared<const JournalArchives>(take_folder);
 }
 

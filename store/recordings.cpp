@@ -7,9 +7,11 @@ namespace raystage::store {
 
 std::vector<schemas::RecordingDocument> read_recordings(const std::filesystem::path& take_folder) {
   std::vector<std::filesystem::path> files;
-  std::error_code none;
-  for (const auto& file : std::filesystem::directory_iterator(take_folder / "recording", none)) {
-    if (file.path().extension() == ".json") files.push_back(file.path());
+  std::error_code error;
+  // Not a range-based for: its increment would throw.
+  for (std::filesystem::directory_iterator entry(take_folder / "recording", error), end;
+       !error && entry != end; entry.increment(error)) {
+    if (entry->path().extension() == ".json") files.push_back(entry->path());
   }
   std::ranges::sort(files);
   std::vector<schemas::RecordingDocument> recordings;

@@ -58,8 +58,7 @@ struct TakeWriter::State {
 
 void TakeWriter::require_absent(const fs::path& folder) {
   const fs::path target = path_with_name(folder);
-  std::error_code error;
-  if (!fs::exists(fs::symlink_status(target, error))) return;
+  if (!is_name_taken(target)) return;
   throw Error::bad_input("a file or folder of this name exists", target.string(),
                          "Choose another name for the take, or remove it");
 }

@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/little_endian.h"
 #include "store/journal.h"
@@ -288,7 +289,7 @@ void write_timeline(const Timeline& timeline, const Take& take) {
 
 Timeline read_timeline(const Take& take) {
   const std::filesystem::path path = take.folder() / kTimelineFile;
-  if (!std::filesystem::exists(path)) {
+  if (!exists(take.file(kTimelineFile))) {
     if (auto timeline = timeline_without_sync(take)) return *std::move(timeline);
     throw Error::bad_input("the take has no timeline", path.string(),
                            "Run `raystage sync` on the take");
@@ -329,7 +330,7 @@ Timeline read_timeline(const Take& take) {
 }
 
 std::optional<Timeline> read_timeline_if_present(const Take& take) {
-  if (!std::filesystem::exists(take.folder() / kTimelineFile)) return timeline_without_sync(take);
+  if (!exists(take.file(kTimelineFile))) return timeline_without_sync(take);
   return read_timeline(take);
 }
 

@@ -402,7 +402,7 @@ std::vector<std::filesystem::path> LightFieldLayer::input_files(const ShownTick&
 
 void LightFieldLayer::check_frame(const LayerFrameCheck& check) const {
   for (const auto& file : input_files(check.shown)) {
-    if (std::filesystem::exists(file)) continue;
+    if (file_exists(file)) continue;
     throw Error::bad_input(fmt::format("a file that frame {} needs is missing", check.frame),
                            file.string(), "Add it, or correct the layer in " + shot_file_.string());
   }

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/resources.h"
 
@@ -151,7 +152,7 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
         fmt::format("{:016x}", XXH3_64bits(documents.data(), documents.size()));
     std::vector<bool> is_local;
     for (const auto& camera : take->document().cameras) {
-      is_local.push_back(fs::exists(folder / camera.archive));
+      is_local.push_back(exists(take->file(camera.archive)));
     }
     opened.archives->set_local_cameras(is_local);
     for (std::size_t i = 0; i < is_local.size(); ++i) {

@@ -44,8 +44,9 @@ std::optional<double> number_in(std::string_view text) {
 
 bool is_running(std::string_view program) {
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator("/proc", error)) {
-    std::ifstream file(entry.path() / "comm");
+  for (std::filesystem::directory_iterator entry("/proc", error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::ifstream file(entry->path() / "comm");
     std::string name;
     if (std::getline(file, name) && name == program) return true;
   }

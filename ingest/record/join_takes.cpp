@@ -198,13 +198,14 @@ void copy_accounts(const std::vector<Part>& parts, const fs::path& folder) {
   create_folder(folder);
   for (std::size_t p = 0; p < parts.size(); ++p) {
     std::error_code error;
-    for (const auto& file : fs::directory_iterator(parts[p].accounts, error)) {
-      if (file.path().extension() != ".json") continue;
-      fs::path target = folder / file.path().filename();
-      if (fs::exists(target))
-        target = folder / fmt::format("part{}_{}", p + 1, file.path().filename().string());
+    for (fs::directory_iterator file(parts[p].accounts, error), end; !error && file != end;
+         file.increment(error)) {
+      if (file->path().extension() != ".json") continue;
+      fs::path target = folder / file->path().filename();
+      if (file_exists(target))
+        target = folder / fmt::format("part{}_{}", p + 1, file->path().filename().string());
       write_file_atomically(target,
-                            read_file(parts[p].take.file("recording" / file.path().filename())));
+                            read_file(parts[p].take.file("recording" / file->path().filename())));
     }
   }
 }

@@ -127,7 +127,7 @@ RecordingTake RecordingTake::create(const fs::path& folder, schemas::TakeDocumen
   schemas::parse_take(schemas::format_take(take),
                       "take.json");  // fails now, not after the last frame
   schemas::parse_rig(schemas::format_rig(rig), "rig.json");
-  if (fs::exists(fs::symlink_status(folder))) {
+  if (is_name_taken(folder)) {
     throw Error::bad_input("a file or folder of this name already exists", folder.string(),
                            "Choose a new name for the take, or resume this one")
         .concerning({"resume"});
@@ -173,7 +173,7 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
     recording.compare_with(other, schemas::read_take(ContainedPath{other, "take.json"}));
   }
   create_folder(folder / "recording");
-  if (fs::exists(recording.recording_file_)) {
+  if (file_exists(recording.recording_file_)) {
     recording.recording_ = schemas::read_recording(
         ContainedPath{folder, recording.recording_file_.lexically_relative(folder)});
   }

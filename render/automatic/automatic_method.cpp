@@ -8,6 +8,7 @@
 #include <array>
 #include <filesystem>
 
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/large_buffer.h"
 #include "render/automatic/automatic.h"
@@ -135,9 +136,9 @@ class AutomaticMethod final : public Method {
   std::vector<std::filesystem::path> input_files(
       const MethodOptions& options, const store::Take& take,
       const store::FrameSelection& /*frames*/) const override {
-    const std::filesystem::path timeline = take.folder() / "timeline.zst";
-    if (options.number("target_error") == 0 || !std::filesystem::exists(timeline)) return {};
-    return {timeline};
+    const ContainedPath timeline = take.file("timeline.zst");
+    if (options.number("target_error") == 0 || !exists(timeline)) return {};
+    return {timeline.path()};
   }
   void check_ray_support(const MethodOptions&) const override {
     throw Error::bad_input("the method auto can only choose for views, not for single rays",

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <string>
 
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/parallel.h"
 #include "render/hull/hull_surface.h"
@@ -43,7 +44,7 @@ Error no_mattes(std::string what, const store::Take& take) {
 }
 
 void check_mattes(const MethodOptions&, const store::Take& take) {
-  if (!std::filesystem::is_directory(take.folder() / "mattes")) {
+  if (!exists(take.file("mattes"))) {
     throw no_mattes("the take has no mattes", take);
   }
 }
@@ -55,8 +56,7 @@ std::vector<Silhouette> silhouettes_of(const LightFieldFrame& instant, ResultCac
   const store::Take& take = *instant.take;
   for (const int camera : instant.included_cameras) {
     const int frame = instant.frame_of_camera[camera];
-    if (frame < 0 || !std::filesystem::exists(store::matte_file(take, camera, frame).path()))
-      continue;
+    if (frame < 0 || !exists(store::matte_file(take, camera, frame))) continue;
     silhouettes.push_back({camera, nullptr});
   }
   if (silhouettes.empty()) throw no_mattes("no camera has a matte at this instant", take);
@@ -75,8 +75,8 @@ std::vector<std::filesystem::path> mattes_of(const store::Take& take, std::span<
   std::vector<std::filesystem::path> files;
   for (std::size_t camera = 0; camera < frames.size(); ++camera) {
     if (frames[camera] < 0) continue;
-    const auto file = store::matte_file(take, static_cast<int>(camera), frames[camera]).path();
-    if (std::filesystem::exists(file)) files.push_back(file);
+    const ContainedPath file = store::matte_file(take, static_cast<int>(camera), frames[camera]);
+    if (exists(file)) files.push_back(file.path());
   }
   return files;
 }

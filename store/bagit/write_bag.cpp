@@ -46,7 +46,7 @@ struct BaggedFile {
 /// Throws Error (bad input) if there is a file or folder of this name.
 fs::path require_no_bag(const fs::path& given) {
   fs::path folder = path_with_name(given);
-  if (!fs::exists(fs::symlink_status(folder))) return folder;
+  if (!is_name_taken(folder)) return folder;
   throw Error::bad_input("a file or folder of this name exists", folder.string(),
                          "Choose another name for the bag, or remove it");
 }

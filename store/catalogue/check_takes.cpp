@@ -24,6 +24,7 @@
 #include "base/posix_file.h"
 #include "base/stopwatch.h"
 #include "schemas/take_document.h"
+#include "schemas/utf8_text.h"
 #include "store/catalogue/catalogue_lock.h"
 #include "store/catalogue/find_takes.h"
 #include "store/catalogue/read_pace.h"
@@ -78,7 +79,8 @@ Result result_of(const TakeFixityReport& report) {
 void add_problem(FixityCatalogue::Check& check, const std::string& text) {
   constexpr std::size_t kMost = 10'000;  // of the schema
   ++check.problem_count;
-  if (check.problems.size() < kProblemsKept) check.problems.push_back(text.substr(0, kMost));
+  if (check.problems.size() == kProblemsKept) return;
+  check.problems.push_back(schemas::utf8_text(text, kMost));
 }
 
 void add_problems(FixityCatalogue::Check& check, const std::vector<FixityProblem>& problems) {
@@ -288,7 +290,7 @@ class Checker {
         add_problems(result, camera.report.problems);
         result.problem_count += static_cast<std::int64_t>(camera.report.omitted_problems);
       }
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {  // also of faults of ours: the other takes are checked
       if (save_failure_) throw;
       result.result = Result::kUnreadable;
       add_problem(result, error.what());

@@ -8,8 +8,11 @@
 #include <array>
 #include <barrier>
 #include <cstdlib>
+#include <functional>
 #include <optional>
+#include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "base/atomic_file.h"
@@ -388,6 +391,61 @@ TEST_F(CheckTakes, MemoryDoesNotGrowWithTheTake) {
   EXPECT_EQ(entry(report, "sparse").take.last_check->result, Result::kIntact);
   EXPECT_LT(peak() - before, 100e6);
   std::printf("%d GB in %.1f s, peak memory %.0f MB\n", gigabytes, report.seconds, peak() / 1e6);
+}
+
+/// As strangers could send them, by accident or not.
+TEST_F(CheckTakes, ABadTakeDoesNotKeepOthersFromBeingChecked) {
+  const fs::path bad = folder.path() / "a";
+  const auto replace_in_document = [&](const std::string& from, const std::string& to) {
+    std::string text = read_file(bad / "take.json");
+    const std::size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos);
+    write_file_atomically(bad / "take.json", text.replace(at, from.size(), to));
+  };
+  const auto link_to_itself = [&](const std::string& name) {
+    fs::remove(bad / name);
+    fs::create_symlink(fs::path(name).filename(), bad / name);
+  };
+  const std::vector<std::pair<std::string, std::function<void()>>> faults{
+      {"journal", [&] { link_to_itself("archive/c0.journal"); }},
+      {"archive", [&] { link_to_itself("archive/c0.mkv"); }},
+      {"timeline", [&] { link_to_itself("timeline.zst"); }},
+      {"long name",
+       [&] { replace_in_document("archive/c0.mkv", "archive/" + std::string(300, 'x') + ".mkv"); }},
+      {"report",
+       [&] {
+         fs::create_directories(bad / "recording");
+         write_file_atomically(bad / "recording/\xFF.json", std::string_view("{}"));
+       }},
+  };
+  for (const auto& [name, make] : faults) {
+    SCOPED_TRACE(name);
+    fs::remove_all(bad);
+    fs::remove(folder.path() / kCatalogueFile);
+    write("a");
+    make();
+    const CatalogueReport report = run();
+    EXPECT_THAT(checked, ElementsAre("a", "group/b", "group/c"));
+    ASSERT_TRUE(entry(report, "a").take.last_check);
+    EXPECT_NE(entry(report, "a").take.last_check->result, Result::kIntact);
+    EXPECT_GT(entry(report, "a").take.last_check->problem_count, 0);
+    for (const char* other : {"group/b", "group/c"}) EXPECT_TRUE(entry(report, other).is_good());
+    // What was written can be read again.
+    EXPECT_TRUE(entry(run(kStart + 1), "group/b").is_good());
+  }
+}
+
+/// JSON cannot hold the name.
+TEST_F(CheckTakes, ATakeWhosePathIsNotUtf8IsAProblem) {
+  fs::rename(folder.path() / "group/b", folder.path() / "group/\xFF");
+  for (int i = 0; i < 2; ++i) {
+    const CatalogueReport report = run(kStart + i);
+    EXPECT_FALSE(report.is_good());
+    EXPECT_THAT(report.problems, ElementsAre(HasSubstr("its path is not UTF-8")));
+    EXPECT_EQ(report.takes.size(), 2U);
+    EXPECT_TRUE(entry(report, "a").is_good());
+    EXPECT_TRUE(entry(report, "group/c").is_good());
+  }
 }
 
 }  // namespace

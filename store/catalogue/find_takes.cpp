@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "base/error.h"
+#include "schemas/utf8_text.h"
 #include "store/fixity/event_log.h"
 
 namespace raystage::store {
@@ -53,7 +54,12 @@ void search(const fs::path& top, const fs::path& relative, int depth, FoundTakes
   const fs::file_type document = fs::symlink_status(folder / "take.json", error).type();
   if (document == fs::file_type::none) return add_problem(error);
   if (document == fs::file_type::regular) {
-    found.paths.push_back(name);
+    if (schemas::is_utf8(name)) {
+      found.paths.push_back(name);
+    } else {
+      found.problems.push_back(
+          {name, "the take cannot be checked, because its path is not UTF-8: rename it"});
+    }
     return;
   }
   if (depth >= kMaxDepth) {

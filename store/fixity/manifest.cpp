@@ -168,7 +168,8 @@ std::vector<std::string> files_of_take(const fs::path& folder) {
   fs::recursive_directory_iterator entry(folder, error);
   for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
     const fs::path relative = entry->path().lexically_relative(folder);
-    const fs::file_type type = entry->symlink_status().type();
+    const fs::file_type type = entry->symlink_status(error).type();
+    if (error) break;
     if (!is_listed(relative)) {
       if (type == fs::file_type::directory) entry.disable_recursion_pending();
       continue;
@@ -213,11 +214,11 @@ Manifest make_manifest(const Take& take, const ManifestOptions& options) {
 
 std::string read_manifest(const fs::path& folder) {
   const fs::path file = folder / kManifestFile;
-  if (!fs::exists(file)) {
+  require_contained({folder, kManifestFile});
+  if (!file_exists(file)) {
     throw Error::bad_input("the take has no manifest", file.string(),
                            "Write one while the take is known to be good");
   }
-  require_contained({folder, kManifestFile});
   return read_file(file, kMaxManifestBytes);
 }
 

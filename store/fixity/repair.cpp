@@ -41,7 +41,7 @@ class CameraRepair {
     for (const std::string& name : {pair_.archive_name, pair_.journal_name}) {
       require_contained({folder_, name});
     }
-    if (!fs::exists(archive_path_)) {
+    if (!exists(ContainedPath{folder_, pair_.archive_name})) {
       throw Error::bad_input("the archive is missing", archive_path_.string(),
                              "Restore it from a copy");
     }
@@ -57,8 +57,8 @@ class CameraRepair {
     }
     const MappedFile archive(ContainedPath{folder_, pair_.archive_name});
     std::optional<MappedFile> journal;
-    if (fs::exists(journal_path_))
-      pair_.journal = journal.emplace(ContainedPath{folder_, pair_.journal_name}).bytes();
+    const ContainedPath journal_file{folder_, pair_.journal_name};
+    if (exists(journal_file)) pair_.journal = journal.emplace(journal_file).bytes();
     pair_.archive = archive.bytes();
     // Fails where another program truncated a file meanwhile.
     const auto check_files = [&] {
@@ -106,8 +106,8 @@ class CameraRepair {
 // Renames a timeline that no longer matches the frame tables: every reader would reject it.
 std::string set_aside_timeline(const fs::path& folder) {
   const fs::path file = folder / kTimelineFile;
-  if (!fs::exists(file)) return "";
   try {
+    if (!exists(ContainedPath{folder, kTimelineFile})) return "";
     read_timeline(Take(folder));
     return "";
   } catch (const Error&) {

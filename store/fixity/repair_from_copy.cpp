@@ -132,13 +132,13 @@ struct PairInFolder {
     for (const std::string& name : {pair.archive_name, pair.journal_name}) {
       require_contained({folder, name});
     }
-    if (fs::exists(files.archive)) {
+    if (exists(ContainedPath{folder, pair.archive_name})) {
       archive.emplace(ContainedPath{folder, pair.archive_name});
       is_readable = archive->can_read(archive->bytes());
       if (is_readable) pair.archive = archive->bytes();
     }
-    if (fs::exists(files.journal))
-      pair.journal = journal.emplace(ContainedPath{folder, pair.journal_name}).bytes();
+    const ContainedPath journal_file{folder, pair.journal_name};
+    if (exists(journal_file)) pair.journal = journal.emplace(journal_file).bytes();
   }
 
   ExaminedPair examine() const {
@@ -237,12 +237,8 @@ bool is_further(const RecordingDocument& copy, const RecordingDocument& own) {
 
 CopyOfTake::CopyOfTake(fs::path take, fs::path copy)
     : take_(std::move(take)), copy_(std::move(copy)) {
-  const auto is_folder = [](const fs::path& path) {
-    std::error_code error;
-    return fs::is_directory(path, error);
-  };
-  const bool like_a_take =
-      fs::exists(take_ / kTakeFile) || fs::exists(take_ / kRigFile) || is_folder(take_ / "archive");
+  const bool like_a_take = file_exists(take_ / kTakeFile) || file_exists(take_ / kRigFile) ||
+                           is_folder(take_ / "archive");
   if (!is_folder(take_) || !like_a_take) {
     throw Error::bad_input("this is no take", take_.string(),
                            "Use the folder of the take; to restore all of it, copy the copy");
@@ -287,7 +283,7 @@ void CopyOfTake::restore(const std::string& file, bool dry_run, bool keep_old,
     check_writable(target);
     TemporaryFile written(target);
     copy_to(source, copy_ / file, written.path());
-    if (keep_old && fs::exists(target)) keep_original(target);
+    if (keep_old && is_name_taken(target)) keep_original(target);
     written.commit();
   } catch (const Error& error) {
     entry.error = error.what();
@@ -335,7 +331,8 @@ void CopyOfTake::repair_camera(const ArchivePair& description, bool dry_run,
   std::optional<OutputFile> lock;
   if (!dry_run) {
     const fs::path archive = take_ / description.archive_name;
-    if (fs::exists(archive)) lock.emplace(ContainedPath{take_, description.archive_name});
+    const ContainedPath own_archive{take_, description.archive_name};
+    if (exists(own_archive)) lock.emplace(own_archive);
     // Of repairs that were killed. Whoever writes them holds the lock, if there is one.
     const Owners owners = lock && lock->is_locked() ? Owners::kAll : Owners::kEnded;
     for (const fs::path& file : {archive, take_ / description.journal_name}) {
@@ -365,19 +362,19 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_derived(bool dry_run
                            file.starts_with("archive/") || file.starts_with("recording/");
     // What a repair of the copy has set aside.
     const bool set_aside = fs::path(file).extension().string().starts_with(".damaged");
-    if (elsewhere || set_aside || fs::exists(fs::symlink_status(take_ / file))) continue;
+    if (elsewhere || set_aside || is_name_taken(take_ / file)) continue;
     restore(file, dry_run, false, restored, {});
   }
   const std::array<const char*, 2> manifest{kManifestFile, kSignatureFile};
   for (const char* file : manifest) {
-    if (fs::exists(take_ / file) || !fs::exists(copy_ / file)) continue;
+    if (is_name_taken(take_ / file) || !is_name_taken(copy_ / file)) continue;
     restore(file, dry_run, false, restored, {});
   }
   const std::string timeline(kTimelineFile);
   require_contained({take_, timeline});
   require_contained({copy_, timeline});
   const auto reads = [&](const fs::path& folder) {
-    return fs::exists(folder / timeline) && succeeds([&] { read_timeline(Take(folder)); });
+    return file_exists(folder / timeline) && succeeds([&] { read_timeline(Take(folder)); });
   };
   if (!reads(take_) && reads(copy_)) restore(timeline, dry_run, true, restored, {});
   return restored;

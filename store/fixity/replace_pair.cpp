@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 fs::path damaged_name(const fs::path& file) {
   fs::path name = file;
   name += ".damaged";
-  for (int i = 2; fs::exists(fs::symlink_status(name)); ++i) {
+  for (int i = 2; is_name_taken(name); ++i) {
     name = file;
     name += ".damaged-" + std::to_string(i);
   }
@@ -61,7 +61,7 @@ std::vector<std::string> replace_pair(
   std::vector<std::string> kept;
   if (keep_originals) {
     for (const fs::path& file : {files.archive, files.journal}) {
-      if (fs::exists(file)) kept.push_back(keep_original(file));
+      if (is_name_taken(file)) kept.push_back(keep_original(file));
     }
   }
   // Rename the archive first: after a crash in between, the old journal still has every hash, and

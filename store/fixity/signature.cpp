@@ -32,7 +32,7 @@ void sign_file(const fs::path& file, const fs::path& key) {
   fs::remove(signature_of(file), error);
   const ChildResult result = run_child(
       {kProgram, "-Y", "sign", "-f", key.string(), "-n", kNamespace, fs::absolute(file).string()});
-  if (result.exit_code == 0 && fs::exists(signature_of(file))) return;
+  if (result.exit_code == 0 && file_exists(signature_of(file))) return;
   throw Error::failed("the file cannot be signed: " + one_line(result.out), key.string(),
                       "Give an SSH key that ssh-keygen can use; load it into an agent if it has a "
                       "passphrase");
@@ -59,7 +59,8 @@ void write_signed(const fs::path& file, const std::string& text, const fs::path&
 
 std::string signature_fault(const std::string& text, const fs::path& signature,
                             const Signers& signers) {
-  if (!fs::is_regular_file(fs::symlink_status(signature))) {
+  std::error_code unknown;
+  if (!fs::is_regular_file(fs::symlink_status(signature, unknown))) {
     throw Error::bad_input("the signature is missing", signature.string(),
                            "Sign the manifest, or restore its signature");
   }

@@ -12,6 +12,7 @@
 #include <optional>
 #include <system_error>
 
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/mapped_file.h"
 #include "base/parallel.h"
@@ -86,20 +87,18 @@ void verify_camera(const Take& take, int camera, const TakeVerifyOptions& option
     return;
   }
   ArchivePair pair = describe_pair(take, camera);
-  const fs::path archive_path = take.folder() / pair.archive_name;
-  const fs::path journal_path = take.folder() / pair.journal_name;
-  if (!fs::exists(archive_path)) {
-    result.report.problems.push_back(
-        {pair.archive_name, 0, "the archive is missing: all of its frames are lost", {}, false});
-    return;
-  }
   try {
+    if (!exists(take.file(pair.archive_name))) {
+      result.report.problems.push_back(
+          {pair.archive_name, 0, "the archive is missing: all of its frames are lost", {}, false});
+      return;
+    }
     const MappedFile archive(take.file(pair.archive_name));
     const bool everything = options.depth == VerifyDepth::kHashes || options.decode;
     archive.expect(everything ? MappedFile::Access::kSequential : MappedFile::Access::kSparse);
     std::optional<MappedFile> journal;
-    if (fs::exists(journal_path))
-      pair.journal = journal.emplace(take.file(pair.journal_name)).bytes();
+    const ContainedPath journal_file = take.file(pair.journal_name);
+    if (exists(journal_file)) pair.journal = journal.emplace(journal_file).bytes();
     pair.archive = archive.bytes();
     VerifyOptions single;
     single.depth = options.depth;
@@ -174,9 +173,8 @@ void decode_camera_groups(const Take& take, const TakeVerifyOptions& options,
 }
 
 void verify_timeline(const Take& take, TakeFixityReport& report) {
-  if (!fs::exists(take.folder() / kTimelineFile)) return;
   try {
-    read_timeline(take);
+    if (exists(take.file(kTimelineFile))) read_timeline(take);
   } catch (const Error& error) {
     report.problems.push_back({std::string(kTimelineFile),
                                0,

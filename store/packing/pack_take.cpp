@@ -12,6 +12,7 @@
 #include <chrono>
 #include <utility>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/parallel.h"
 #include "base/stopwatch.h"
@@ -90,7 +91,7 @@ class Repacker {
 
   /// A timeline states the frame tables that it was made from, with the sizes of stored frames.
   void rewrite_timeline() const {
-    if (!fs::exists(writer_.working_folder() / kTimelineFile)) return;
+    if (!file_exists(writer_.working_folder() / kTimelineFile)) return;
     try {
       write_timeline(read_timeline(take_), writer_.working_folder());
     } catch (const Error& error) {

@@ -14,6 +14,7 @@
 #include <limits>
 #include <utility>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/parallel.h"
 #include "base/stopwatch.h"
@@ -236,7 +237,7 @@ class TakeEncoder {
 
 /// A timeline states the frame tables that it was made from, with the sizes of stored frames.
 void rewrite_timeline_of(const Take& take, const fs::path& folder) {
-  if (!fs::exists(folder / kTimelineFile)) return;
+  if (!file_exists(folder / kTimelineFile)) return;
   try {
     write_timeline(read_timeline(take), folder);
   } catch (const Error& error) {

@@ -13,8 +13,10 @@ namespace raystage::cli {
 inline void add_follow_links_option(CommandLine& command) {
   command.flag(
       "--follow-links", [] { ::setenv(kFollowLinksVariable, "1", 1); },
-      "read through symbolic links inside of takes, for archives on other disks: only takes that "
-      "you\ntrust (default: a link is an error; nothing is ever written through one)");
+      "read through symbolic links inside of takes, for archives on other disks, and textures of "
+      "meshes\nfrom other folders: only takes and meshes that you trust (default: these are "
+      "errors; "
+      "nothing\nis ever written through a link)");
 }
 
 }  // namespace raystage::cli

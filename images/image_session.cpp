@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "images/image_session.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstring>
 #include <stdexcept>
@@ -22,10 +24,12 @@ sandbox::DecoderOptions texture_decoder_options(std::size_t memory_bytes) {
   return options;
 }
 
-/// Returns the first bytes of a file, enough for its signature.
-std::string first_bytes(const std::filesystem::path& file) {
+/// Returns the first bytes of a file, enough for its signature; fewer if it cannot be read.
+std::string first_bytes(const std::string& name, const sandbox::OpenFile& open_file) {
   std::string bytes(kPngSignature.size(), '\0');
-  bytes.resize(read_file_part(file, 0, std::as_writable_bytes(std::span(bytes))));
+  const FileDescriptor file = open_file(name);
+  const ssize_t got = file.open() ? ::pread(file.number(), bytes.data(), bytes.size(), 0) : 0;
+  bytes.resize(static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
   return bytes;
 }
 
@@ -63,8 +67,8 @@ ImageSession::ImageSession(std::size_t memory_bytes)
       png_and_jpeg_{{}, sandbox::DecoderProcess(texture_decoder_options(memory_bytes))},
       all_formats_{{}, sandbox::DecoderProcess(image_decoder_options("texture", memory_bytes))} {}
 
-void ImageSession::start_for(const std::filesystem::path& file) {
-  start_for_bytes(first_bytes(file));
+void ImageSession::start_for(const std::string& name, const sandbox::OpenFile& open_file) {
+  start_for_bytes(first_bytes(name, open_file));
 }
 
 void ImageSession::start_for_bytes(std::string_view bytes) {
@@ -94,7 +98,7 @@ std::optional<ImageSession::Image> ImageSession::open_by(Decoder decoder, const 
   if (result.empty() && decoder == Decoder::kPngAndJpeg) return std::nullopt;
   try {
     sandbox::ByteReader reader(result);
-    Image image{number, source.name, read_properties(reader), decoder};
+    Image image{number, source.name, source.open_file, read_properties(reader), decoder};
     require_memory(image.properties);
     return image;
   } catch (const std::runtime_error& error) {
@@ -109,8 +113,13 @@ ImageSession::Image ImageSession::open_source(const Source& source) {
 }
 
 ImageSession::Image ImageSession::open(const std::filesystem::path& file) {
-  const std::string first = first_bytes(file);
-  return open_source({file.string(), "", first, sandbox::only_file(file)});
+  return open(file.string(), sandbox::only_file(file));
+}
+
+ImageSession::Image ImageSession::open(const std::string& name,
+                                       const sandbox::OpenFile& open_file) {
+  const std::string first = first_bytes(name, open_file);
+  return open_source({name, "", first, open_file});
 }
 
 ImageSession::Image ImageSession::open_bytes(const std::string& name, const std::string& format,
@@ -172,8 +181,7 @@ void ImageSession::read_part(const Image& image, const Part& part, std::span<std
     request.write(number);
   }
   request.write(static_cast<std::uint8_t>(part.type));
-  const auto result =
-      decode(image.decoder, request.take(), image.name, sandbox::only_file(image.name));
+  const auto result = decode(image.decoder, request.take(), image.name, image.open_file);
   if (result.size() != pixels.size()) {
     throw damaged(std::runtime_error("its decoder returned damaged data"), image.name);
   }

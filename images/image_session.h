@@ -28,7 +28,7 @@ class ImageSession {
   explicit ImageSession(std::size_t memory_bytes);
 
   /// Starts the process that will open a file, or an image in memory, ahead of that.
-  void start_for(const std::filesystem::path& file);
+  void start_for(const std::string& name, const sandbox::OpenFile& open_file);
   void start_for_bytes(std::string_view bytes);
 
   enum class Decoder { kPngAndJpeg, kAllFormats };
@@ -36,10 +36,13 @@ class ImageSession {
   struct Image {
     std::uint32_t number = 0;
     std::string name;  ///< for errors
+    sandbox::OpenFile open_file;
     ImageProperties properties;
     Decoder decoder = Decoder::kAllFormats;
   };
   Image open(const std::filesystem::path& file);
+  /// `open_file`: opens the file of this name.
+  Image open(const std::string& name, const sandbox::OpenFile& open_file);
   /// `format`: its extension, such as "png".
   Image open_bytes(const std::string& name, const std::string& format, std::string_view bytes);
   void close(const Image& image);

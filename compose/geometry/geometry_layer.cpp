@@ -31,7 +31,9 @@ void add_values(Fingerprint& print, const char* label, const std::vector<T>& val
   print.text(label, {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
 }
 
-void add_file(Fingerprint& print, const std::filesystem::path& file) {
+/// `File`: a path or ContainedPath.
+template <class File>
+void add_file(Fingerprint& print, const File& file) {
   std::string chunk(std::size_t{1} << 20, '\0');
   for (std::uint64_t offset = 0, got = chunk.size(); got == chunk.size(); offset += got) {
     got = read_file_part(file, offset, std::as_writable_bytes(std::span(chunk)));
@@ -50,7 +52,7 @@ void replace_materials(Mesh& mesh, const schemas::ShotDocument::Material& by,
     material.roughness = static_cast<float>(by.roughness);
     if (by.color) material.color = color_from(*by.color);
     if (by.texture.empty()) continue;
-    material.texture = (folder / by.texture).lexically_normal();
+    material.texture = {folder, by.texture};
     material.is_texture_of_shot = true;
     material.embedded_texture = nullptr;
   }
@@ -70,7 +72,12 @@ std::string fingerprint_of(const Mesh& mesh) {
     print.integer("kind", static_cast<int>(material.kind)).number("roughness", material.roughness);
     for (const float c : material.color) print.number("color", c);
     if (material.embedded_texture) print.text("image", material.embedded_texture->bytes);
-    if (!material.texture.empty()) add_file(print, material.texture);
+    if (material.texture.relative.empty()) continue;
+    if (material.is_texture_of_shot) {
+      add_file(print, material.texture.path());
+    } else {
+      add_file(print, material.texture);
+    }
   }
   return print.hex();
 }
@@ -90,21 +97,24 @@ Textures::Handle open_texture(const Material& material, Textures& textures,
                            material.embedded_texture->name, "Export it as PNG or JPEG");
   }
   if (material.embedded_texture) return textures.open(material.embedded_texture);
-  if (material.texture.empty()) return nullptr;
-  if (!material.texture.has_filename()) {
+  if (material.texture.relative.empty()) return nullptr;
+  const std::filesystem::path path = material.texture.path().lexically_normal();
+  if (!path.has_filename()) {
     throw Error::bad_input("the mesh file has neither its texture nor the path of it",
                            file.string(),
                            "Export it with its textures embedded (Blender's FBX: Path Mode Copy, "
                            "with the icon next to it pressed)");
   }
   try {
-    return textures.open(material.texture);
+    return material.is_texture_of_shot ? textures.open(path) : textures.open(material.texture);
   } catch (const Error& error) {
     if (error.exit_code() != ExitCode::kBadInput) throw;
     throw Error::bad_input(
         error.what_happened() + ", a texture of the mesh " + file.string(), error.where(),
-        error.what_to_do() + (material.is_texture_of_shot ? "; it is relative to the shot's folder"
-                                                          : "; it is relative to the mesh file"));
+        error.what_to_do() + (material.is_texture_of_shot
+                                  ? "; it is relative to the shot's folder"
+                                  : "; it is relative to the mesh file, below whose folder it must "
+                                    "be unless links are permitted"));
   }
 }
 

@@ -47,6 +47,15 @@ EmbeddedImages embedded_images(std::vector<meshes::DecodedScene::Image> images,
   return result;
 }
 
+/// Returns where a texture is that a mesh file names. Complete paths may lead below its folder,
+/// too. The user's permission to follow links includes textures that are outside.
+ContainedPath texture_below(const std::filesystem::path& folder, const std::string& name) {
+  namespace fs = std::filesystem;
+  const fs::path path = (folder / name).lexically_normal();
+  if (permits_links() && path.has_filename()) return {path.parent_path(), path.filename()};
+  return {folder, fs::absolute(path).lexically_relative(fs::absolute(folder).lexically_normal())};
+}
+
 Material material_from(const meshes::DecodedScene::Material& from, const EmbeddedImages& images,
                        const std::filesystem::path& file) {
   Material material;
@@ -54,7 +63,7 @@ Material material_from(const meshes::DecodedScene::Material& from, const Embedde
   if (from.image != meshes::DecodedScene::kNone) {
     material.embedded_texture = images[from.image];
   } else if (!from.texture.empty()) {
-    material.texture = (file.parent_path() / from.texture).lexically_normal();
+    material.texture = texture_below(file.parent_path(), from.texture);
   }
   if (from.metallic >= 0.5F) {
     material.kind =

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "meshes/scene_decoder.h"
 
 namespace raystage::compose {
@@ -32,9 +33,11 @@ struct Material {
   Kind kind = Kind::kDiffuse;
   /// Scene-linear, in the working space; times the texture.
   Eigen::Vector3f color{0.8F, 0.8F, 0.8F};
-  std::filesystem::path texture = {};  ///< empty: none
-  float roughness = 0.2F;              ///< of kGlossy, (0, 1]; alpha of GGX is its square
-  bool is_texture_of_shot = false;     ///< and not of the mesh file
+  ContainedPath texture = {};  ///< relative.empty(): none
+  float roughness = 0.2F;      ///< of kGlossy, (0, 1]; alpha of GGX is its square
+  /// Whether the shot names the texture, which may be anywhere then. Those that the mesh file names
+  /// are only read below its folder.
+  bool is_texture_of_shot = false;
   std::shared_ptr<const EmbeddedImage> embedded_texture = {};  ///< instead of `texture`; or null
 };
 
@@ -77,10 +80,10 @@ struct MeshFile {
                     const std::filesystem::path& file);
 };
 
-/// Reads a mesh in any format that Assimp reads: glTF 2, FBX, OBJ, PLY ... Texture paths are joined
-/// with the file's folder; PNG, JPEG and EXR textures may be in the file. Metals of glTF become
-/// glossy, or mirrors below a roughness of 0.05. Throws Error as meshes::decode_scene(), and (bad
-/// input) if there is no triangle.
+/// Reads a mesh in any format that Assimp reads: glTF 2, FBX, OBJ, PLY ... Texture paths are
+/// relative to the file's folder; PNG, JPEG and EXR textures may be in the file. Metals of glTF
+/// become glossy, or mirrors below a roughness of 0.05. Throws Error as meshes::decode_scene(), and
+/// (bad input) if there is no triangle.
 MeshFile read_mesh_file(const std::filesystem::path& file,
                         const meshes::DecodeOptions& options = {});
 

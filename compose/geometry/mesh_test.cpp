@@ -80,9 +80,9 @@ TEST_F(MeshFiles, ObjWithMaterialsAndObjects) {
                                         : mesh.materials[object->material];
   };
   const Material wood = make_material("table");
-  EXPECT_EQ(wood.texture, folder_.path() / "maps/wood.png");
+  EXPECT_EQ(wood.texture.path(), folder_.path() / "maps/wood.png");
   const Material red = make_material("cup");
-  EXPECT_TRUE(red.texture.empty());
+  EXPECT_TRUE(red.texture.relative.empty());
   EXPECT_NEAR(red.color.x(), 0.8F, 1e-6F);
   EXPECT_EQ(red.kind, Material::Kind::kDiffuse);
   EXPECT_EQ(mesh.uvs.size(), mesh.positions.size());
@@ -149,7 +149,7 @@ TEST_F(MeshFiles, TexturesInTheFile) {
   EXPECT_EQ(material(0).embedded_texture, material(1).embedded_texture);
   EXPECT_EQ(material(0).embedded_texture->format, "png");
   EXPECT_EQ(material(0).embedded_texture->bytes, *decode_base64(testing::kQuarteredPng));
-  EXPECT_TRUE(material(0).texture.empty());
+  EXPECT_TRUE(material(0).texture.relative.empty());
   EXPECT_EQ(material(2).embedded_texture, nullptr);
   EXPECT_NEAR(material(2).color.y(), 0.4F, 1e-6F);
   // Refused when it is used: a shot may replace it.

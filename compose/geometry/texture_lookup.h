@@ -3,9 +3,10 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <filesystem>
 #include <string>
 #include <string_view>
+
+#include "sandbox/decoder_process.h"
 
 namespace raystage::images {
 class ImageSession;
@@ -20,7 +21,8 @@ class TextureLookup {
  public:
   using Handle = const void*;
   virtual ~TextureLookup() = default;
-  virtual Handle open(const std::filesystem::path& file) = 0;
+  /// `open_file`: opens the file of this name.
+  virtual Handle open(const std::string& name, const sandbox::OpenFile& open_file) = 0;
   /// Opens an image in memory. `name`: unique. `format`: extension of such a file. `bytes`: of it,
   /// referred to.
   virtual Handle open_bytes(const std::string& name, const std::string& format,
@@ -34,7 +36,7 @@ class TextureLookup {
 /// session. Raise the number when TextureLookup changes: a module of another version is refused
 /// then.
 using OpenTextureLookup = TextureLookup*(images::ImageSession& session, std::size_t cache_bytes);
-inline constexpr const char* kOpenTextureLookup = "raystage_open_texture_lookup_3";
+inline constexpr const char* kOpenTextureLookup = "raystage_open_texture_lookup_4";
 inline constexpr const char* kTextureModule = "raystage-textures.so";
 
 }  // namespace raystage::compose

@@ -36,14 +36,16 @@ using Wrap = OIIO::TextureOpt::Wrap;
 
 struct Texture {
   images::ImageSession* session = nullptr;
-  std::string name;          ///< of the file, or of the image in memory
-  std::string format;        ///< of the image in memory; empty: a file
-  std::string_view bytes;    ///< of the image in memory
-  bool holds_codes = false;  ///< integers: sRGB codes
+  std::string name;                  ///< of the file, or of the image in memory
+  std::string format;                ///< of the image in memory; empty: a file
+  std::string_view bytes;            ///< of the image in memory
+  sandbox::OpenFile open_file = {};  ///< of a file
+  bool holds_codes = false;          ///< integers: sRGB codes
   OIIO::TextureSystem::TextureHandle* handle = nullptr;
 
   images::ImageSession::Image open() const {
-    return format.empty() ? session->open(name) : session->open_bytes(name, format, bytes);
+    return format.empty() ? session->open(name, open_file)
+                          : session->open_bytes(name, format, bytes);
   }
 };
 
@@ -183,9 +185,10 @@ class OiioTextureLookup : public TextureLookup {
     system_->attribute("gray_to_rgb", 1);
   }
 
-  Handle open(const std::filesystem::path& file) override {
-    if (const Texture* texture = find(file.string())) return texture;
-    return add({.session = &session_, .name = file.string(), .format = {}, .bytes = {}});
+  Handle open(const std::string& name, const sandbox::OpenFile& open_file) override {
+    if (const Texture* texture = find(name)) return texture;
+    return add(
+        {.session = &session_, .name = name, .format = {}, .bytes = {}, .open_file = open_file});
   }
 
   Handle open_bytes(const std::string& name, const std::string& format,
@@ -261,6 +264,6 @@ class OiioTextureLookup : public TextureLookup {
 }  // namespace raystage::compose
 
 extern "C" __attribute__((visibility("default"))) raystage::compose::TextureLookup*
-raystage_open_texture_lookup_3(raystage::images::ImageSession& session, std::size_t cache_bytes) {
+raystage_open_texture_lookup_4(raystage::images::ImageSession& session, std::size_t cache_bytes) {
   return new raystage::compose::OiioTextureLookup(session, cache_bytes);
 }

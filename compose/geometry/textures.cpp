@@ -27,6 +27,10 @@ OpenTextureLookup* load_module() {
   return reinterpret_cast<OpenTextureLookup*>(entry);
 }
 
+Error no_texture(const std::filesystem::path& file) {
+  return Error::bad_input("the texture file does not exist", file.string(), "Correct the path");
+}
+
 }  // namespace
 
 Textures::Textures(std::size_t cache_bytes, std::size_t image_bytes,
@@ -39,11 +43,18 @@ Textures::~Textures() = default;
 
 Textures::Handle Textures::open(const std::filesystem::path& file) {
   std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) {
-    throw Error::bad_input("the texture file does not exist", file.string(), "Correct the path");
-  }
-  load_lookup([&](images::ImageSession& session) { session.start_for(file); });
-  return lookup_->open(file);
+  if (!std::filesystem::is_regular_file(file, error)) throw no_texture(file);
+  return open_by(file.string(), sandbox::only_file(file));
+}
+
+Textures::Handle Textures::open(const ContainedPath& file) {
+  if (!exists(file)) throw no_texture(file.path());
+  return open_by(file.path().string(), sandbox::only_file(file));
+}
+
+Textures::Handle Textures::open_by(const std::string& name, const sandbox::OpenFile& open_file) {
+  load_lookup([&](images::ImageSession& session) { session.start_for(name, open_file); });
+  return lookup_->open(name, open_file);
 }
 
 Textures::Handle Textures::open(std::shared_ptr<const EmbeddedImage> image) {

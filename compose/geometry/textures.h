@@ -6,10 +6,13 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "compose/geometry/mesh.h"
 #include "compose/geometry/texture_lookup.h"
+#include "sandbox/decoder_process.h"
 
 namespace raystage::compose {
 
@@ -34,6 +37,9 @@ class Textures {
   /// Opens a texture. Throws Error (bad input) if the file is missing or no image, Error (failed)
   /// if the module cannot be loaded from ../lib/raystage, relative to the executable.
   Handle open(const std::filesystem::path& file);
+  /// Opens a texture that a mesh file names. Throws Error (bad input) also if it is outside of the
+  /// folder, or behind a link unless these are permitted.
+  Handle open(const ContainedPath& file);
   /// Opens an image of a mesh file, which is kept. Throws Error as open() does.
   Handle open(std::shared_ptr<const EmbeddedImage> image);
 
@@ -52,6 +58,7 @@ class Textures {
  private:
   std::size_t cache_bytes_, image_bytes_;
   Eigen::Matrix3f working_from_rec709_;
+  Handle open_by(const std::string& name, const sandbox::OpenFile& open_file);
   /// `start`: starts the decoder of the first texture.
   void load_lookup(const std::function<void(images::ImageSession&)>& start);
 

@@ -162,13 +162,20 @@ class DecoderProcess::Exchange {
         free_memory();
         throw refusal(received.contents.substr(0, kMaxReason), options_.advice);
       }
-      case Message::kMemory:
+      case Message::kMemory: {
+        constexpr std::size_t kMegabyte = 1'000'000;
         free_memory();
         throw refusal(
-            fmt::format("its decoder needs more than {} MB of memory",
-                        options_.memory_bytes / 1'000'000),
+            fmt::format("its decoder needs more than {} MB of memory{}",
+                        options_.memory_bytes / kMegabyte,
+                        options_.wanted_memory_bytes == 0
+                            ? ""
+                            : fmt::format(", half of this machine's; up to {} MB are granted for "
+                                          "pictures of this size where there is more",
+                                          options_.wanted_memory_bytes / kMegabyte)),
             "The file is larger than memory allows, or damaged: make it smaller, or grant "
             "more memory");
+      }
       default:
         break;
     }

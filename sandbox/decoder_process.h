@@ -35,6 +35,8 @@ struct DecoderOptions {
   std::string kind;                                 ///< of the files, named by errors: "mesh"
   std::string advice = "Export it again";           ///< where a file is refused
   std::size_t memory_bytes = std::size_t{1} << 30;  ///< that requests may take, besides the program
+  /// What memory_bytes was before the machine limited it, for errors; 0: it did not.
+  std::size_t wanted_memory_bytes = 0;
   std::uint64_t result_bytes = std::uint64_t{4} << 30;  ///< largest request and result
   /// For one request, of the processor; by the clock twice as much and 10 s.
   std::chrono::seconds time{20};

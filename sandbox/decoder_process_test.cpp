@@ -12,6 +12,8 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/resources.h"
+#include "sandbox/machine_limits.h"
 #include "testing/test_folder.h"
 
 namespace raystage::sandbox {
@@ -55,6 +57,25 @@ class DecoderProcessTest : public ::testing::Test {
   DecoderOptions options_;
   OpenFile open_file_ = [](const std::string&) { return FileDescriptor(-1); };
 };
+
+TEST_F(DecoderProcessTest, TheMachineLimitsWhatDocumentsOfStrangersAskFor) {
+  DecoderOptions huge = options_;
+  huge.memory_bytes = huge.result_bytes = std::size_t{1} << 50;
+  const DecoderOptions limited = within_machine(huge);
+  EXPECT_EQ(limited.memory_bytes, available_memory() / 2);
+  EXPECT_EQ(limited.result_bytes, available_memory() / 2);
+  EXPECT_EQ(limited.wanted_memory_bytes, huge.memory_bytes);
+  const DecoderOptions small = within_machine(options_);
+  EXPECT_EQ(small.memory_bytes, options_.memory_bytes);
+  EXPECT_EQ(small.result_bytes, options_.result_bytes);
+  EXPECT_EQ(small.wanted_memory_bytes, 0U);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  options_.wanted_memory_bytes = 5'000'000'000'000;
+  expect_error("allocate",
+               "its decoder needs more than 100 MB of memory, half of this machine's; up to "
+               "5000000 MB");
+#endif
+}
 
 TEST_F(DecoderProcessTest, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
   expect_error("crash", "its decoder crashed (Segmentation fault)");

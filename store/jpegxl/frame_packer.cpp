@@ -10,11 +10,13 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <utility>
 
 #include "base/error.h"
 #include "base/posix_file.h"
 #include "sandbox/byte_encoding.h"
 #include "sandbox/decoder_pool.h"
+#include "sandbox/machine_limits.h"
 #include "store/jpegxl/packed_frame.h"
 #include "store/jpegxl/transcoding_requests.h"
 
@@ -50,7 +52,7 @@ sandbox::DecoderOptions transcoder_options(const Group& group) {
   options.memory_bytes = memory_for(group.pixels);
   options.result_bytes = std::uint64_t{kMaxFrameBytes} + 4096;
   options.time = group.time;
-  return options;
+  return sandbox::within_machine(std::move(options));
 }
 
 /// Returns why a frame cannot be packed. The decoder's error says that it "cannot be read".

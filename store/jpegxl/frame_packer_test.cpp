@@ -14,9 +14,11 @@
 #include <stdexcept>
 
 #include "base/error.h"
+#include "base/resources.h"
 #include "store/jpeg/encode.h"
 #include "store/jpegxl/packed_frame.h"
 #include "store/jpegxl/transcoding.h"
+#include "testing/child_limits.h"
 #include "testing/store/test_encoder.h"
 
 namespace raystage::store {
@@ -84,6 +86,19 @@ TEST(FramePacker, ReturnsEveryAcceptedVariantBitForBit) {
       EXPECT_EQ(packer.unpack(packed.bytes, kSize, "a"), jpeg);
     }
   }
+}
+
+/// A rig states any size.
+TEST(FramePacker, HugeCamerasGrantNoMoreThanHalfOfTheMachine) {
+  const Bytes jpeg = simple_jpeg();
+  const FramePacker packer;
+  const auto packed = packer.pack(jpeg, kSize, kEffort, "a").bytes;
+  constexpr FramePacker::Size kHuge{65535, 65535};
+  EXPECT_EQ(packer.unpack(packed, kHuge, "a"), jpeg);
+  if (!testing::kDecodersHaveLimits) GTEST_SKIP() << "decoders have no limits in this build";
+  const std::uint64_t limit = testing::largest_data_limit_of_decoders();
+  EXPECT_GT(limit, std::uint64_t{128} << 20);
+  EXPECT_LT(limit, available_memory() / 2 + (std::uint64_t{1} << 30));
 }
 
 TEST(FramePacker, BytesAfterTheEndOfThePictureReturnToo) {

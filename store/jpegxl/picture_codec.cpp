@@ -10,11 +10,13 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "base/error.h"
 #include "base/half_float.h"
 #include "base/posix_file.h"
 #include "sandbox/decoder_pool.h"
+#include "sandbox/machine_limits.h"
 #include "store/jpegxl/packed_frame.h"
 #include "store/jpegxl/picture_requests.h"
 #include "store/jpegxl/transcoding_requests.h"
@@ -43,7 +45,7 @@ sandbox::DecoderOptions picture_options(std::uint64_t pixels) {
   constexpr std::uint64_t kStartSeconds = 60, kSecondsPerMegapixel = 10, kMegapixel = 1'000'000;
   options.time =
       std::chrono::seconds(kStartSeconds + (pixels / kMegapixel + 1) * kSecondsPerMegapixel);
-  return options;
+  return sandbox::within_machine(std::move(options));
 }
 
 std::uint64_t pixel_count(int width, int height) {

@@ -10,7 +10,9 @@
 
 #include "base/error.h"
 #include "base/half_float.h"
+#include "base/resources.h"
 #include "store/jpegxl/picture_coding.h"
+#include "testing/child_limits.h"
 
 namespace raystage::store {
 namespace {
@@ -150,6 +152,17 @@ TEST(PictureCodec, HugePicturesCostNoMemory) {
   const auto stream = encode_picture(deep_picture({}), {}, {});
   EXPECT_THROW(decode_picture(stream, 96 * 64 - 1), std::runtime_error);
   EXPECT_EQ(decode_picture(stream, 96 * 64).picture, deep_picture({}));
+}
+
+/// A rig states any size.
+TEST(PictureCodec, HugeCamerasGrantNoMoreThanHalfOfTheMachine) {
+  const PictureCodec codec;
+  const auto stream = encode_picture(deep_picture({}), {}, {});
+  EXPECT_THROW(codec.decode(stream, 65535, 65535, nullptr, "a"), Error);
+  if (!testing::kDecodersHaveLimits) GTEST_SKIP() << "decoders have no limits in this build";
+  const std::uint64_t limit = testing::largest_data_limit_of_decoders();
+  EXPECT_GT(limit, std::uint64_t{256} << 20);
+  EXPECT_LT(limit, available_memory() / 2 + (std::uint64_t{1} << 30));
 }
 
 TEST(HalfFloat, ConvertsEveryHalfAndRoundsToTheNearest) {

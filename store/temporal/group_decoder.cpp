@@ -13,6 +13,7 @@
 #include "base/posix_file.h"
 #include "sandbox/byte_encoding.h"
 #include "sandbox/decoder_pool.h"
+#include "sandbox/machine_limits.h"
 #include "store/temporal/group_requests.h"
 
 namespace raystage::store {
@@ -38,7 +39,7 @@ sandbox::DecoderOptions group_decoder_options(std::uint64_t pixels, std::uint64_
   options.result_bytes = (std::uint64_t{16} << 20) + 6 * frames * pixels;
   options.time = std::chrono::seconds(kStartSeconds +
                                       (pixels * frames / kMegapixel + 1) * kSecondsPerMegapixel);
-  return options;
+  return sandbox::within_machine(std::move(options));
 }
 
 }  // namespace

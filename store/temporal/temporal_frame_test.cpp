@@ -3,8 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include "base/error.h"
+#include "base/resources.h"
 #include "store/jpeg/encode.h"
+#include "store/temporal/group_decoder.h"
 #include "store/temporal/planes.h"
+#include "testing/child_limits.h"
 
 namespace raystage::store {
 namespace {
@@ -27,6 +31,18 @@ TEST(TemporalFrame, AFrameStatesItsLink) {
       EXPECT_FALSE(read_frame_link(std::span(frame).first(40)));
     }
   }
+}
+
+/// A rig states any size.
+TEST(GroupDecoder, HugeCamerasGrantNoMoreThanHalfOfTheMachine) {
+  const GroupDecoder decoder;
+  const Bytes garbage(100, std::byte{3});
+  const std::vector<std::span<const std::byte>> frames(256, garbage);
+  EXPECT_THROW(decoder.decode(VideoCodec::kHevc, {65535, 65535}, frames, "a"), Error);
+  if (!testing::kDecodersHaveLimits) GTEST_SKIP() << "decoders have no limits in this build";
+  const std::uint64_t limit = testing::largest_data_limit_of_decoders();
+  EXPECT_GT(limit, kMaxGroupBytes);
+  EXPECT_LT(limit, available_memory() / 2 + (std::uint64_t{1} << 30));
 }
 
 TEST(TemporalFrame, OtherBytesHaveNoLink) {

@@ -3,29 +3,33 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <bit>
 #include <cerrno>
 #include <cstring>
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "base/error.h"
 #include "sandbox/byte_encoding.h"
+#include "sandbox/machine_limits.h"
 
 namespace raystage::store {
 namespace {
 
-sandbox::DecoderOptions matte_decoder_options() {
-  constexpr std::size_t kMaxPixels = std::size_t{1} << 28;
+/// `pixels`: of the camera, at most.
+sandbox::DecoderOptions matte_decoder_options(std::uint64_t pixels) {
   sandbox::DecoderOptions options;
   options.program = "raystage-decode-matte";
   options.kind = "matte";
   options.advice = "Write an 8-bit grey PNG (see docs/formats/mattes.md)";
   // libpng converts whole pictures of 4 bytes per pixel.
-  options.memory_bytes = (std::size_t{64} << 20) + 6 * kMaxPixels;
-  options.result_bytes = kMaxPixels + 4096;
+  options.memory_bytes = (std::size_t{64} << 20) + 6 * pixels;
+  options.result_bytes = pixels + 4096;
   options.time = std::chrono::seconds(30);
-  return options;
+  return sandbox::within_machine(std::move(options));
 }
 
 }  // namespace
@@ -35,7 +39,13 @@ ContainedPath matte_file(const Take& take, int camera, int frame) {
                    fmt::format("{:06}.png", frame));
 }
 
-MatteReader::MatteReader() : decoders_(matte_decoder_options()) {}
+const sandbox::DecoderPool& MatteReader::decoders_for(int width, int height) const {
+  const std::uint64_t pixels = static_cast<std::uint64_t>(std::max(width, 1)) *
+                               static_cast<std::uint64_t>(std::max(height, 1));
+  const std::uint64_t most = std::bit_ceil(pixels);
+  const std::scoped_lock lock(mutex_);
+  return decoders_.try_emplace(most, matte_decoder_options(most)).first->second;
+}
 
 std::vector<std::uint8_t> MatteReader::read(const ContainedPath& file, int width,
                                             int height) const {
@@ -49,8 +59,12 @@ std::vector<std::uint8_t> MatteReader::read(const ContainedPath& file, int width
   };
   std::vector<std::byte> result;
   try {
+    sandbox::ByteWriter request;
+    request.write(width);
+    request.write(height);
+    request.append(std::as_bytes(std::span(name)));
     result =
-        decoders_.decode(std::as_bytes(std::span(name)), file.path(), sandbox::only_file(file));
+        decoders_for(width, height).decode(request.take(), file.path(), sandbox::only_file(file));
   } catch (const Error& error) {
     if (error.exit_code() != ExitCode::kBadInput) throw;
     throw matte_error(error.what_happened());

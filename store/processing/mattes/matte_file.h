@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <mutex>
 #include <vector>
 
 #include "base/contained_path.h"
@@ -17,13 +19,16 @@ ContainedPath matte_file(const Take& take, int camera, int frame);
 /// Reads matte files in confined processes, which stay until the reader ends. Thread-safe.
 class MatteReader {
  public:
-  MatteReader();
   /// Returns the codes of a matte file, one byte per pixel. Throws Error (bad input) if the file is
   /// not a PNG of this size, and Error (failed) as sandbox::DecoderProcess does.
   std::vector<std::uint8_t> read(const ContainedPath& file, int width, int height) const;
 
  private:
-  sandbox::DecoderPool decoders_;
+  const sandbox::DecoderPool& decoders_for(int width, int height) const;
+
+  // By the pixels that they accept, rounded up to a power of two.
+  mutable std::map<std::uint64_t, sandbox::DecoderPool> decoders_;
+  mutable std::mutex mutex_;
 };
 
 }  // namespace raystage::store

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/processing/mattes/take_matte.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <png.h>
 
@@ -8,14 +9,19 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/resources.h"
 #include "base/transfer_function.h"
 #include "store/jpeg/encode.h"
 #include "store/processing/frames/frame_cache.h"
 #include "store/processing/mattes/matte_file.h"
+#include "testing/child_limits.h"
+#include "testing/png_bomb.h"
 #include "testing/test_folder.h"
 
 namespace raystage::store::take_matte_test {
 namespace {
+
+using ::testing::HasSubstr;
 
 constexpr int kWidth = 96, kHeight = 64;
 
@@ -123,6 +129,28 @@ TEST_F(TakeMattes, FilesOfOthers) {
   const Pixel actor = keyed(settings, 20);
   EXPECT_NEAR(actor.a, 0.2, 1e-4);
   EXPECT_NEAR(actor.r, 0.2 * 150 / 255, 0.005);  // premultiplied codes
+}
+
+/// A file of a hundred bytes can state any size.
+TEST_F(TakeMattes, FilesThatStateToBeHugeCostNothing) {
+  const auto file = matte_file(*take_, 0, 0);
+  std::filesystem::create_directories(file.path().parent_path());
+  testing::write_png_that_states(file.path(), 16384, 16384);
+  const MatteReader reader;
+  try {
+    reader.read(file, kWidth, kHeight);
+    ADD_FAILURE() << "the matte has another size";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_THAT(error.what(), HasSubstr("the matte has 16384x16384 pixels, its camera 96x64"));
+  }
+  if (!testing::kDecodersHaveLimits) GTEST_SKIP() << "decoders have no limits in this build";
+  EXPECT_GT(testing::largest_data_limit_of_decoders(), std::uint64_t{64} << 20);
+  EXPECT_LT(testing::largest_data_limit_of_decoders(), std::uint64_t{128} << 20);
+  // A rig states any size, too.
+  EXPECT_THROW(reader.read(file, 65535, 65535), Error);
+  EXPECT_LT(testing::largest_data_limit_of_decoders(),
+            available_memory() / 2 + (std::uint64_t{1} << 30));
 }
 
 TEST_F(TakeMattes, BoxesOfTheWorldThrowAway) {

@@ -156,6 +156,7 @@ class ArchiveWriter {
 };
 
 class ArchiveReader;
+class FramesByHash;
 
 /// The archives of a take, for those whose frames refer to other cameras.
 class TakeArchives {
@@ -164,6 +165,8 @@ class TakeArchives {
   virtual int camera_count() const = 0;
   /// Throws Error (bad input) if the archive cannot be read.
   virtual const ArchiveReader& archive(int camera) const = 0;
+  /// Finds frames anywhere in these archives.
+  virtual const FramesByHash& frames_by_hash() const = 0;
 };
 
 /// Reads one camera's archive. The journal is the index; where it is missing, torn or incomplete,

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Finds the frames of a group in the archives of a take. A frame names the one before it by XXH3
 // (store/temporal/temporal_frame.h). The journals hold the XXH3 of all frames: where a group is
-// intact, the frame before is among those of its time, otherwise all frames are searched once.
-// Cost: a binary search per camera, and reading the frames of the group.
+// intact, the frame before is among those of its time, otherwise it is looked up in a table of all
+// frames (frames_by_hash.h). Cost: a binary search per camera and frame of the group, and reading
+// these.
 #include "store/camera_groups.h"
 
 #include <algorithm>
@@ -10,25 +11,11 @@
 #include <utility>
 
 #include "base/error.h"
+#include "store/frames_by_hash.h"
 #include "store/temporal/temporal_frame.h"
 
 namespace raystage::store {
 namespace {
-
-/// Returns an archive; null if it cannot be read: its frames are lost.
-const ArchiveReader* readable_archive(const TakeArchives& take, int camera) {
-  const ArchiveReader* archive = nullptr;
-  try {
-    archive = &take.archive(camera);
-  } catch (const Error& error) {
-    if (error.exit_code() != ExitCode::kBadInput) throw;
-    return nullptr;
-  }
-  if (!archive->is_remote()) return archive;
-  throw Error::failed("frames of the take refer to camera \"" + archive->description().camera_id +
-                          "\", whose archive is on another host",
-                      "", "Put the take in a folder that every host can read");
-}
 
 /// Returns whether the frames of two archives can be in one group.
 bool is_alike(const ArchiveReader& a, const ArchiveReader& b) {
@@ -59,29 +46,48 @@ std::optional<GroupMember> find_before(const TakeArchives& take, const GroupMemb
     }
     return GroupMember{camera, frame, *std::move(bytes)};
   };
-  for (const bool everywhere : {false, true}) {
-    for (int camera = 0; camera < take.camera_count(); ++camera) {
-      const ArchiveReader* const other = readable_archive(take, camera);
-      if (camera == member.camera || other == nullptr || !is_alike(own, *other)) continue;
-      const ArchiveReader& archive = *other;
-      const auto nearest = archive.nearest_frame(time);
-      if (!nearest) continue;
-      const auto count = static_cast<int>(archive.frames().size());
-      const int first = everywhere ? 0 : std::max(0, *nearest - 1);
-      const int end = everywhere ? count : std::min(count, *nearest + 2);
-      for (int frame = first; frame < end; ++frame) {
-        // Without records, frames far away are not read for every one that is lost.
-        const bool is_unknown =
-            everywhere && archive.frames()[static_cast<std::size_t>(frame)].xxh3 == 0;
-        if (is_unknown || hash_of(archive, frame) != link.previous) continue;
-        if (auto found = intact_member(camera, frame)) return found;
-      }
+  const auto is_candidate = [&](int camera) {
+    const ArchiveReader* const other =
+        camera == member.camera ? nullptr : readable_archive(take, camera);
+    return other != nullptr && is_alike(own, *other);
+  };
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    if (!is_candidate(camera)) continue;
+    const ArchiveReader& archive = take.archive(camera);
+    const auto nearest = archive.nearest_frame(time);
+    if (!nearest) continue;
+    const int end = std::min(static_cast<int>(archive.frames().size()), *nearest + 2);
+    for (int frame = std::max(0, *nearest - 1); frame < end; ++frame) {
+      if (hash_of(archive, frame) != link.previous) continue;
+      if (auto found = intact_member(camera, frame)) return found;
     }
+  }
+  // Frames of one XXH3 are copies of each other, unless a journal states it for many that have
+  // another one.
+  constexpr std::size_t kMostCopies = 16;
+  const auto copies = take.frames_by_hash().find(take, link.previous);
+  for (const FramesByHash::Entry& copy : copies.first(std::min(copies.size(), kMostCopies))) {
+    if (!is_candidate(copy.camera)) continue;
+    if (auto found = intact_member(copy.camera, copy.frame)) return found;
   }
   return std::nullopt;
 }
 
 }  // namespace
+
+const ArchiveReader* readable_archive(const TakeArchives& take, int camera) {
+  const ArchiveReader* archive = nullptr;
+  try {
+    archive = &take.archive(camera);
+  } catch (const Error& error) {
+    if (error.exit_code() != ExitCode::kBadInput) throw;
+    return nullptr;
+  }
+  if (!archive->is_remote()) return archive;
+  throw Error::failed("frames of the take refer to camera \"" + archive->description().camera_id +
+                          "\", whose archive is on another host",
+                      "", "Put the take in a folder that every host can read");
+}
 
 std::vector<GroupMember> group_up_to(const TakeArchives& take, int camera, int frame) {
   std::vector<GroupMember> group;

@@ -13,6 +13,10 @@ struct GroupMember {
   FrameBytes bytes;           ///< as stored
 };
 
+/// Returns an archive; null if it cannot be read: its frames are lost. Throws Error (failed) if it
+/// is on another host.
+const ArchiveReader* readable_archive(const TakeArchives& take, int camera);
+
 /// Returns the frames of a group from its first to frame `frame` of `camera`; none if one of them
 /// is lost or its bytes are not the recorded ones, also if its archive cannot be read. Throws Error
 /// (failed) if an archive is on another host.

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "schemas/rig_document.h"
+#include "store/frames_by_hash.h"
 
 namespace raystage::store {
 namespace {
@@ -48,6 +49,9 @@ struct Take::State : TakeArchives {
   ArchiveReader open(std::size_t camera) const;
   int camera_count() const override { return static_cast<int>(slots.size()); }
   const ArchiveReader& archive(int camera) const override;
+  const FramesByHash& frames_by_hash() const override { return by_hash; }
+
+  FramesByHash by_hash;
 
   std::filesystem::path folder;
   std::shared_ptr<const RemoteArchives> remote;  // null: all are in the folder

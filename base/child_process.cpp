@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <spawn.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -114,6 +115,18 @@ class Lines {
   std::string rest_;
 };
 
+/// Returns the descriptor of a file to which text is appended; -1 without a name. A link, which
+/// could lead anywhere, and a pipe that nobody reads are not opened.
+int open_log(const std::filesystem::path& file) {
+  if (file.empty()) return -1;
+  const int log =
+      open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
+  struct stat status {};
+  if (log < 0 || (fstat(log, &status) == 0 && S_ISREG(status.st_mode))) return log;
+  close(log);
+  return -1;
+}
+
 }  // namespace
 
 ChildResult run_child(const std::vector<std::string>& command, const ChildOptions& options) {
@@ -122,9 +135,7 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
   const pid_t child = start(command, in.read.number(), out.write.number());
   out.write.close();
   in.read.close();
-  const Descriptor log(options.log.empty() ? -1
-                                           : open(options.log.c_str(),
-                                                  O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+  const Descriptor log(open_log(options.log));
   // Input has its own thread, because the child may print before it has read all of it.
   std::thread feeder([input = options.input, end = std::move(in.write)]() mutable {
     // A program that ends before it has read its input must not end this one.

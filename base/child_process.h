@@ -11,7 +11,8 @@
 namespace raystage {
 
 struct ChildOptions {
-  std::filesystem::path log = {};  ///< file to which the output is appended; empty: none
+  /// File to which the output is appended; a regular one and no link, or nothing is. Empty: none.
+  std::filesystem::path log = {};
   /// Called with each line that the child prints on either stream.
   std::function<void(std::string_view)> line = [](std::string_view) {};
   std::stop_token stop = {};   ///< on request the child gets SIGTERM and may end by itself

@@ -3,11 +3,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <csignal>
 #include <fstream>
 #include <thread>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "testing/test_folder.h"
 
@@ -30,6 +32,21 @@ TEST(ChildProcess, TellsItsLinesCodeAndCosts) {
   EXPECT_EQ(log, "one\ntwo\nthree");
   EXPECT_GT(result.peak_memory_bytes, 1e5);
   EXPECT_GE(result.wall_seconds, result.cpu_seconds * 0.2);
+}
+
+TEST(ChildProcess, LogsIntoRegularFilesOnly) {
+  const testing::TestFolder folder;
+  const auto log = [&](const char* name) { return folder.path() / name; };
+  write_file_atomically(log("secret"), std::string_view("mine\n"));
+  std::filesystem::create_symlink("secret", log("link"));
+  ASSERT_EQ(mkfifo(log("pipe").c_str(), 0600), 0);
+  for (const char* name : {"plain", "link", "pipe", "plain"}) {
+    ChildOptions options;
+    options.log = log(name);
+    EXPECT_EQ(run_child({"echo", "said"}, options).exit_code, 0) << name << ", and not a wait";
+  }
+  EXPECT_EQ(read_file(log("plain")), "said\nsaid\n");
+  EXPECT_EQ(read_file(log("secret")), "mine\n");
 }
 
 TEST(ChildProcess, IsStoppedOrTimedOut) {

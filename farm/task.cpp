@@ -4,6 +4,7 @@
 // fault of the node, such as a full disk.
 #include "farm/task.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -12,13 +13,13 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
 #include <iterator>
 #include <set>
 
 #include "base/atomic_file.h"
 #include "base/child_process.h"
 #include "base/number_text.h"
+#include "base/posix_file.h"
 #include "compose/frame_range.h"
 #include "farm/attempts.h"
 #include "farm/node_checks.h"
@@ -99,11 +100,19 @@ class ProgressFile {
   void report(int percent) {
     if (percent <= percent_) return;
     percent_ = percent;
-    std::ofstream(file_, std::ios::trunc) << percent << "\n";
+    write(fmt::format("{}\n", percent));
     request_.progress(percent / 100.0);
   }
 
  private:
+  /// Fails silently: only `status` reads it. A link, and a pipe that nobody reads, are not opened.
+  void write(const std::string& text) const {
+    constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
+    const FileDescriptor file(::open(file_.c_str(), kFlags, 0666));
+    if (!file.open()) return;
+    [[maybe_unused]] const ssize_t written = ::write(file.number(), text.data(), text.size());
+  }
+
   const TaskRequest& request_;
   std::filesystem::path file_;
   int percent_ = -1;

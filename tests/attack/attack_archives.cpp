@@ -56,6 +56,8 @@ void write_attack_archives(const fs::path& folder) {
   must("raystage pack -q take -o packed");
   must("raystage pack -q --temporal hevc --group 4 take -o hevc");
   must("raystage pack -q --temporal av1 --group 4 take -o av1");
+  must("raystage pack -q --temporal hevc --references cameras --group 4 take -o hevc_cameras");
+  must("raystage pack -q --temporal av1 --references cameras --group 4 take -o av1_cameras");
   must(
       "raystage simulate stage -q --hdr --rows 2 --columns 2 --width 48 --height 36 --fps 10 "
       "--seconds 0.4 --startup-loss-seconds 0 --truth-views 0 -o high && raystage sync -q high");
@@ -68,6 +70,7 @@ void write_attack_archives(const fs::path& folder) {
   must(
       "raystage export images -q take -o take_frames --times recorded && "
       "raystage export images -q high -o high_frames --format exr --times recorded && "
+      "raystage export images -q take -o png_frames --format png --times recorded && "
       "raystage export movies -q take -o take_movies && mkdir fb google && "
       "raystage export model -q take -o model");
   write_rigs(folder);
@@ -109,6 +112,10 @@ std::vector<AttackedFormat> attacked_archives(const fs::path& folder) {
        "raystage unpack -q packed -o out/t"},
       {"HEVC archive", "hevc/archive/r0c1.mkv", false, without_journal("hevc", "r0c1"), 3},
       {"AV1 archive", "av1/archive/r0c1.mkv", false, without_journal("av1", "r0c1"), 3},
+      {"HEVC archive across cameras", "hevc_cameras/archive/r0c1.mkv", false,
+       without_journal("hevc_cameras", "r0c1"), 3},
+      {"AV1 archive across cameras", "av1_cameras/archive/r0c1.mkv", false,
+       without_journal("av1_cameras", "r0c1"), 3},
       {"archive of deep pictures", "high/archive/r0c1.mkv", false, without_journal("high", "r0c1"),
        3},
       {"take of deep pictures", "high/take.json", true,
@@ -124,6 +131,7 @@ std::vector<AttackedFormat> attacked_archives(const fs::path& folder) {
        "raystage export images -q take --format exr --frames 2 --ocio config.ocio "
        "--color-space half --rec709-space lin_srgb -o out/exported"},
       {"import manifest", "take_frames/import.json", true, import("take_frames")},
+      {"imported PNG", "png_frames/r0c0/000001.png", false, import("png_frames")},
       {"imported JPEG", "take_frames/r0c0/000001.jpg", false, import("take_frames")},
       {"imported EXR", "high_frames/r0c0/000001.exr", false, import("high_frames")},
       {"imported movie", "fb/r0c0.mov", false, import("fb")},

@@ -13,6 +13,7 @@
 #include "images/png_file.h"
 #include "store/jpeg/encode.h"
 #include "store/jpeg/rgb_image.h"
+#include "testing/textured_fbx.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage::testing {
@@ -149,6 +150,8 @@ void write_attack_scene(const fs::path& folder) {
   write("proxy_ply.json", mesh_shot("binary.ply"));
   write("glb.json", mesh_shot("proxy.glb"));
   write("gltf.json", mesh_shot("mesh.gltf"));
+  write("fbx.json", mesh_shot("mesh.fbx"));
+  write("mesh.fbx", textured_fbx("texture.png"));
   write("mesh.gltf", kGltf);
   write("mesh.bin", triangle_bytes());
   write("binary.ply", binary_ply());
@@ -237,6 +240,7 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
       {"glTF camera", "camera.gltf", true, render + "gltf_camera.json"},
       {"glTF mesh", "mesh.gltf", true, render + "gltf.json"},
       {"glb", "proxy.glb", false, render + "glb.json"},
+      {"fbx", "mesh.fbx", true, render + "fbx.json"},
       {"obj", "mesh.obj", true, render + "obj.json"},
       {"mtl", "mesh.mtl", true, render + "obj.json"},
       {"ply", "mesh.ply", true, render + "ply.json"},

@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "meshes/scene_decoder.h"
 #include "testing/test_folder.h"
+#include "testing/textured_fbx.h"
 #include "tests/attack/mutation.h"
 
 namespace raystage::testing {
@@ -62,7 +63,8 @@ std::vector<Seed> seeds() {
   return {{"m.obj", {{"m.obj", obj(8)}, {"m.mtl", mtl}}},
           {"m.ply", {{"m.ply", ply}}},
           {"m.gltf", {{"m.gltf", gltf}, {"a.bin", bin}}},
-          {"m.stl", {{"m.stl", stl}}}};
+          {"m.stl", {{"m.stl", stl}}},
+          {"m.fbx", {{"m.fbx", textured_fbx("a.png")}}}};
 }
 
 class MeshAttack : public ::testing::TestWithParam<std::size_t> {};

@@ -16,6 +16,7 @@
 #include "cli/take_event.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
+#include "schemas/json_text.h"
 #include "store/bagit/check_bag.h"
 #include "store/bagit/write_bag.h"
 
@@ -110,7 +111,7 @@ ExitCode check(const Options& options, const std::stop_token& stop) {
   const store::BagReport report = store::check_bag(options.folder, how);
   if (report.status != RunStatus::kFinished) return ExitCode::kFailed;
   if (options.json) {
-    print("{}\n", json_of(options, report).dump(2, ' ', false, Json::error_handler_t::replace));
+    print(schemas::dump_json(json_of(options, report)) + "\n");
   } else {
     print_text(options, report);
   }
@@ -144,7 +145,7 @@ ExitCode write(const Options& options, const std::stop_token& stop) {
                     {"identifier", report.identifier}, {"ocfl", how.is_ocfl},
                     {"payload_files", report.files},   {"payload_bytes", report.bytes},
                     {"tag_files", report.tag_files}};
-    print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
+    print(schemas::dump_json(json) + "\n");
   } else {
     print("{}: {} files, {:.1f} MB, {} tag files, every frame verified\nIdentifier {}\n",
           options.output, report.files, static_cast<double>(report.bytes) / kBytesPerMb,

@@ -158,7 +158,7 @@ ExitCode bench(const Options& options, std::stop_token stop) {
   if (!output.empty() && !trade.rows.empty()) {
     write_file_atomically(output / "trade.html", reports::bench_as_page(trade));
   }
-  print("{}", evaluation::bench_as_table(trade));
+  print(evaluation::bench_as_table(trade));
   bool failed = false;
   for (const evaluation::BenchRow& row : trade.rows) {
     if (row.failure.empty()) continue;

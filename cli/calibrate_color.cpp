@@ -41,9 +41,8 @@ ExitCode run_calibrate_color(const CalibrateColorOptions& options, const std::st
   Progress progress(!options.quiet);
   const calibrate::ColorFromTakes found = calibrate::calibrate_color(
       options.settings, start, rig_file, [&](double done) { progress.report(done); }, stop);
-  print("{}", options.json
-                  ? calibrate::color_match_json(found.steps, found.reference_id(), found.cameras)
-                  : calibrate::format_color_match(found.steps, found.reference_id()));
+  print(options.json ? calibrate::color_match_json(found.steps, found.reference_id(), found.cameras)
+                     : calibrate::format_color_match(found.steps, found.reference_id()));
   if (!found.is_accepted() && !options.force) {
     throw Error::failed(
         "the rig was not written: the colour calibration was rejected (see \"Rejected\")",

@@ -38,8 +38,8 @@ Subcommand declare_calibrate_compare(CommandLine& calibrate) {
             const calibrate::RigComparison comparison =
                 calibrate::compare_rigs(schemas::read_rig(options->first),
                                         schemas::read_rig(options->second), options->nearest_m);
-            print("{}", options->json ? calibrate::rig_comparison_json(comparison)
-                                      : calibrate::format_rig_comparison(comparison));
+            print(options->json ? calibrate::rig_comparison_json(comparison)
+                                : calibrate::format_rig_comparison(comparison));
             return ExitCode::kSuccess;
           }};
 }

@@ -138,7 +138,7 @@ std::optional<calibrate::ArrayLensModelComparison> choose_lens_model(
     }
   }
   calibrate::ArrayLensModelComparison found = compare();
-  if (!options.json) print("{}", calibrate::format_array_lens_models(found));
+  if (!options.json) print(calibrate::format_array_lens_models(found));
   settings =
       calibrate::with_lens_model(std::move(settings), cameras, found.fits[found.best].projection);
   return found;
@@ -155,7 +155,7 @@ GeometryResult calibrate_tracks(const calibrate::RecordedTracks& tracks,
   const calibrate::TrackCalibration found = calibrate::calibrate_from_tracks(tracks, settings);
   if (!options.detections.empty()) write_tracked(found.points.detections, options.detections);
   if (!options.json && settings.estimates_clock_offsets) {
-    print("{}", calibrate::format_clock_offsets(found, tracks.cameras));
+    print(calibrate::format_clock_offsets(found, tracks.cameras));
   }
   return {settings.calibration, found.calibration, std::move(models)};
 }
@@ -179,7 +179,7 @@ GeometryResult calibrate_with_light(const GeometryOptions& options, const std::s
   Progress progress(!options.quiet);
   const calibrate::RecordedTracks tracks = calibrate::record_light_tracks(
       take, options.light, [&](double done) { progress.report(done); }, stop);
-  if (!options.json) print("{}", calibrate::format_track_summary(tracks.tracks, tracks.cameras));
+  if (!options.json) print(calibrate::format_track_summary(tracks.tracks, tracks.cameras));
   return calibrate_tracks(tracks, settings, options);
 }
 
@@ -243,9 +243,9 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
                                                            : calibrate_table(options, stop);
   if (options.json) {
     const std::string report = calibrate::calibration_report_json(calibration);
-    print("{}", models ? calibrate::with_lens_models_json(report, *models) : report);
+    print(models ? calibrate::with_lens_models_json(report, *models) : report);
   } else {
-    print("{}", calibrate::format_calibration_report(calibration));
+    print(calibrate::format_calibration_report(calibration));
   }
   if (!options.report.empty()) {
     write_file_atomically(options.report,

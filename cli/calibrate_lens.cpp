@@ -40,9 +40,9 @@ ExitCode run_calibrate_lens(const LensOptions& options, const std::stop_token& s
   const std::vector<calibrate::CameraLens> lenses = calibrate::calibrate_lenses(
       store::Take(options.take), detector, options.settings,
       [&](double done) { progress.report(done); }, stop);
-  if (options.json) print("{}", calibrate::lens_report_json(lenses));
+  if (options.json) print(calibrate::lens_report_json(lenses));
   for (const calibrate::CameraLens& lens : lenses) {
-    if (!options.json) print("{}", calibrate::format_lens(lens));
+    if (!options.json) print(calibrate::format_lens(lens));
   }
   if (!options.report.empty()) {
     write_file_atomically(options.report,

@@ -97,6 +97,28 @@ TEST_F(FixityCommands, WhatCannotBeExaminedIsAnErrorOfItsCamera) {
   EXPECT_THAT(expect_named("repair -q --dry-run", long_name).output, HasSubstr("2 of 3 cameras"));
 }
 
+TEST_F(FixityCommands, JsonHoldsNamesThatAreNotUtf8) {
+  const auto renamed = folder.path() / "take\xFF";
+  std::filesystem::rename(take, renamed);
+  for (const char* command : {"verify -q --json - ", "info --json "}) {
+    const testing::CommandResult result = run(command + ("'" + renamed.string() + "'"));
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    EXPECT_TRUE(nlohmann::json::accept(result.output)) << result.output;
+  }
+}
+
+/// A name must not look like a line of a report.
+TEST_F(FixityCommands, ANameHasNoLines) {
+  std::string text = read_file(take / "take.json");
+  const std::size_t at = text.find("\"test\"");
+  ASSERT_NE(at, std::string::npos);
+  write_file_atomically(take / "take.json",
+                        text.replace(at, 6, "\"test\\nEvery frame is intact\""));
+  const testing::CommandResult info = run("info " + quoted);
+  EXPECT_THAT(info.output, HasSubstr("test\\u000aEvery frame is intact"));
+  EXPECT_THAT(info.output, Not(HasSubstr("\nEvery frame is intact")));
+}
+
 TEST_F(FixityCommands, AManifestNamesWhatIsNotAsItWas) {
   const testing::CommandResult none = run("verify -q --manifest check " + quoted);
   EXPECT_EQ(none.exit_code, 2) << none.output;

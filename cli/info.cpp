@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/follow_links_option.h"
@@ -23,6 +24,7 @@
 #include "cli/shutter_text.h"
 #include "schemas/former_names.h"
 #include "schemas/imported_depths_document.h"
+#include "schemas/json_text.h"
 #include "store/take_summary.h"
 
 namespace raystage::cli {
@@ -224,8 +226,10 @@ DepthMaps depth_maps_of(const store::Take& take) {
   namespace fs = std::filesystem;
   DepthMaps maps;
   std::error_code error;
-  for (fs::directory_iterator set(take.folder() / "depth", error), end; set != end;
-       set.increment(error)) {
+  const ContainedPath estimated = take.file("depth");
+  const fs::path folder =
+      permits_links() || is_contained(estimated) ? estimated.path() : fs::path();
+  for (fs::directory_iterator set(folder, error), end; set != end; set.increment(error)) {
     if (!fs::is_directory(set->symlink_status(error))) continue;
     std::set<std::string> instants;
     for (fs::directory_iterator file(set->path(), error); file != end; file.increment(error)) {
@@ -479,7 +483,7 @@ void print_json(const store::Take& take, const store::TakeSummary& summary) {
       {"median_baseline_m", "spacing_m"},
       {"min_alias_free_distance_m", "alias_free_distance_m"}};
   schemas::add_former_names(json, kFormerNames);
-  print("{}\n", json.dump(2));
+  print(schemas::dump_json(json) + "\n");
 }
 
 /// Returns whether a path is a document other than that of a take, which names the folder better.

@@ -10,6 +10,7 @@
 
 #include "cli/printing.h"
 #include "rig/rig.h"
+#include "schemas/json_text.h"
 #include "schemas/rig_document.h"
 #include "store/take_summary.h"
 
@@ -60,7 +61,7 @@ ExitCode info_of_rig(const std::filesystem::path& file, bool json) {
   const schemas::RigDocument document = schemas::read_rig(file);
   const rig::Rig rig = rig::rig_from_document(document);
   if (json) {
-    print("{}\n", json_of_rig(document, rig).dump(2));
+    print(schemas::dump_json(json_of_rig(document, rig)) + "\n");
     return ExitCode::kSuccess;
   }
   const auto line = [](std::string_view name, const std::string& text) {

@@ -55,8 +55,8 @@ ExitCode run_array(const ArrayCommand& command, const std::stop_token& stop) {
   if (!command.report.empty()) {
     write_file_atomically(command.report, planning::array_plan_as_page(plan, trials));
   }
-  print("{}", command.json ? planning::array_plan_as_json(plan, trials)
-                           : planning::format_array_plan(plan, trials));
+  print(command.json ? planning::array_plan_as_json(plan, trials)
+                     : planning::format_array_plan(plan, trials));
   return plan.alternatives[*plan.best].is_sufficient ? ExitCode::kSuccess : ExitCode::kFellShort;
 }
 

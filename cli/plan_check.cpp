@@ -128,8 +128,7 @@ ExitCode run_check(const CheckCommand& command, const std::stop_token& stop) {
   if (!command.report.empty()) {
     write_file_atomically(command.report, planning::shot_check_as_page(check));
   }
-  print("{}",
-        command.json ? planning::shot_check_as_json(check) : planning::format_shot_check(check));
+  print(command.json ? planning::shot_check_as_json(check) : planning::format_shot_check(check));
   if (!command.nearest_path.empty()) write_nearest_path(command, shot, plan, stop);
   return is_enough(check, command) ? ExitCode::kSuccess : ExitCode::kFellShort;
 }

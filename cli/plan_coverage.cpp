@@ -81,8 +81,8 @@ ExitCode run_coverage(const CoverageCommand& command, const std::stop_token& sto
   if (!command.gltf.empty()) {
     write_file_atomically(command.gltf, planning::coverage_plan_as_gltf(plan, all.rig));
   }
-  print("{}", command.json ? planning::coverage_plan_as_json(plan)
-                           : planning::format_coverage_plan(plan));
+  print(command.json ? planning::coverage_plan_as_json(plan)
+                     : planning::format_coverage_plan(plan));
   return ExitCode::kSuccess;
 }
 

@@ -27,8 +27,8 @@ ExitCode run_plan(const ResolutionCommand& command) {
   if (!command.report.empty()) {
     write_file_atomically(command.report, planning::resolution_plan_as_page(plan));
   }
-  print("{}", command.json ? planning::resolution_plan_as_json(plan)
-                           : planning::format_resolution_plan(plan));
+  print(command.json ? planning::resolution_plan_as_json(plan)
+                     : planning::format_resolution_plan(plan));
   return ExitCode::kSuccess;
 }
 

@@ -3,7 +3,10 @@
 
 namespace raystage::cli {
 
-std::string printable(std::string_view text) {
+namespace {
+
+/// `kept`: control characters that are not escaped.
+std::string escaped(std::string_view text, std::string_view kept) {
   std::string safe;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const auto code = static_cast<unsigned char>(text[i]);
@@ -11,7 +14,7 @@ std::string printable(std::string_view text) {
     if (code == 0xC2 && next >= 0x80 && next < 0xA0) {  // U+0080 to U+009F, in UTF-8
       safe += fmt::format("\\u{:04x}", next);
       ++i;
-    } else if ((code < 0x20 && code != '\n' && code != '\t') || code == 0x7F) {
+    } else if ((code < 0x20 && kept.find(text[i]) == std::string_view::npos) || code == 0x7F) {
       safe += fmt::format("\\u{:04x}", code);
     } else {
       safe += text[i];
@@ -19,6 +22,12 @@ std::string printable(std::string_view text) {
   }
   return safe;
 }
+
+}  // namespace
+
+std::string printable(std::string_view text) { return escaped(text, "\n\t"); }
+
+std::string printable_in_line(std::string_view text) { return escaped(text, ""); }
 
 // fmt::print throws if it cannot write, which must not end a render.
 void print(std::FILE* to, std::string_view text) {

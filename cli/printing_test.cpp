@@ -17,6 +17,20 @@ TEST(Printing, NamesCannotControlTheTerminal) {
   EXPECT_EQ(printable("\xC2"), "\xC2");
 }
 
+TEST(Printing, NamesCannotLookLikeLinesOfAReport) {
+  EXPECT_EQ(printable_in_line("a\tb\nc\x1b"), "a\\u0009b\\u000ac\\u001b");
+  const std::string name = "t\nEvery frame is intact";
+  ::testing::internal::CaptureStdout();
+  print("Name\t{:<3}\n", name);
+  print(stdout, "{}: {}\n", 3, name.c_str());
+  print("one\ntwo\n");  // lines of our own
+  EXPECT_EQ(::testing::internal::GetCapturedStdout(),
+            "Name\tt\\u000aEvery frame is intact\n3: t\\u000aEvery frame is intact\none\ntwo\n");
+  ::testing::internal::CaptureStderr();
+  print_error("{}\n", std::string_view(name));
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "t\\u000aEvery frame is intact\n");
+}
+
 TEST(Printing, OfStreamsIsEscapedToo) {
   ::testing::internal::CaptureStdout();
   print("{} has {} cameras\n", "\x1b[2J", 3);

@@ -107,10 +107,10 @@ class StatusPrinter {
     constexpr double kPlainEvery = 10;  // seconds
     if (none_) return;
     if (json_) {
-      std::puts(status_json(status).c_str());
+      print(status_json(status) + "\n");
       std::fflush(stdout);
     } else if (terminal_) {
-      std::fputs(("\r\033[K" + printable(status_line(status))).c_str(), stderr);
+      std::fputs(("\r\033[K" + printable_in_line(status_line(status))).c_str(), stderr);
       open_ = true;
     } else if (status.seconds >= next_plain_) {
       print_error("{}\n", status_line(status));
@@ -137,7 +137,7 @@ class StatusPrinter {
     if (text.empty() || (!is_new && status.seconds < next_alarm_)) return;
     next_alarm_ = status.seconds + kEvery;
     finish();
-    print_error("{}", text);
+    print(stderr, text);
   }
   void finish() {
     if (open_) std::fputc('\n', stderr);

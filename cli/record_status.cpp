@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "schemas/json_text.h"
+
 namespace raystage::cli {
 namespace {
 
@@ -123,7 +125,7 @@ std::string status_json(const ingest::RecorderStatus& status) {
                        {"skipped_by_source", camera.skipped_by_source},
                        {"in_memory", camera.in_memory}});
   }
-  return json.dump();
+  return schemas::dump_json(json, -1);
 }
 
 std::string format_session_summary(const schemas::RecordingDocument::Session& session) {

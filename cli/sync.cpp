@@ -21,6 +21,7 @@
 #include "cli/threads.h"
 #include "raystage_version.h"
 #include "schemas/former_names.h"
+#include "schemas/json_text.h"
 #include "store/journal_archives.h"
 #include "store/processing/retime/retime_take.h"
 #include "store/processing/sync/flash.h"
@@ -144,7 +145,7 @@ void print_json(const store::ResyncResult& resync, const std::optional<store::Fl
                                                     {"ms_per_interpolated", "ms_per_moved"}};
     schemas::add_former_names(json["retimed"], kFormerNames);
   }
-  print("{}\n", json.dump(2));
+  print(schemas::dump_json(json) + "\n");
 }
 
 void say_what_is_elsewhere(const store::Take& take) {

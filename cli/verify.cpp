@@ -21,6 +21,7 @@
 #include "cli/take_event.h"
 #include "cli/verify_catalogue.h"
 #include "schemas/former_names.h"
+#include "schemas/json_text.h"
 #include "store/fixity/manifest.h"
 #include "store/fixity/signature.h"
 
@@ -300,9 +301,9 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
     failure = std::current_exception();
   }
   if (options.json == "-") {
-    print("{}\n", json.dump(2));
+    print(schemas::dump_json(json) + "\n");
   } else if (!options.json.empty()) {
-    write_file_atomically(options.json, json.dump(2) + "\n");
+    write_file_atomically(options.json, schemas::dump_json(json) + "\n");
   }
   if (failure) std::rethrow_exception(failure);
   if (!report.is_readable()) return ExitCode::kBadInput;

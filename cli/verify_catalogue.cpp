@@ -12,6 +12,7 @@
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
 #include "cli/take_event.h"
+#include "schemas/json_text.h"
 #include "store/catalogue/check_takes.h"
 
 namespace raystage::cli {
@@ -188,9 +189,9 @@ ExitCode verify_catalogue(const CatalogueCommandOptions& options, const std::str
                             {"problems", report.problems},
                             {"takes", takes}};
     if (prints) {
-      write_file_atomically(json, all.dump(2) + "\n");
+      write_file_atomically(json, schemas::dump_json(all) + "\n");
     } else {
-      print("{}\n", all.dump(2));
+      print(schemas::dump_json(all) + "\n");
     }
   }
   return report.is_good() ? ExitCode::kSuccess : ExitCode::kFailed;

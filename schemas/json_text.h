@@ -19,6 +19,12 @@ nlohmann::json parse_json(std::string_view text, std::string_view name);
 /// values are on one line if they fit into 100 columns: a matrix has one row per line.
 std::string format_json(const nlohmann::ordered_json& value);
 
+/// Returns JSON for other programs, in one line where `indent` is negative. What is not UTF-8, such
+/// as names of files may be, becomes U+FFFD.
+inline std::string dump_json(const nlohmann::ordered_json& value, int indent = 2) {
+  return value.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
 /// Returns a number, or null if it is not finite: JSON has no infinity.
 inline nlohmann::ordered_json number_or_null(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);

@@ -4,10 +4,8 @@
 #include <fmt/format.h>
 #include <xxhash.h>
 
-#include <optional>
-#include <system_error>
-
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/mapped_file.h"
 #include "schemas/imported_depths_document.h"
@@ -48,9 +46,7 @@ std::vector<FixityProblem> verify_imported_depths(const Take& take,
   Document document;
   try {
     const ContainedPath file = take.file(Document::kFile);
-    std::error_code error;
-    const fs::file_type type = fs::symlink_status(file.path(), error).type();
-    if (type == fs::file_type::not_found) return {};
+    if (!exists(file)) return {};
     document = schemas::parse_imported_depths(read_file(file), file.path().string());
   } catch (const Error& error) {
     complain(Document::kFile, error.what_happened());

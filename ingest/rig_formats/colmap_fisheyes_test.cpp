@@ -17,10 +17,12 @@ namespace {
 
 using schemas::Projection;
 using ::testing::AllOf;
+using testing::document_of;
 using ::testing::ElementsAre;
 using testing::expect_same;
 using testing::export_refusal;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::parse_rig_files;
 using testing::rewritten;
 using testing::rig_of_fisheyes;
@@ -51,6 +53,40 @@ TEST(ColmapFisheyes, AreReadExactly) {
       AllOf(HasSubstr("cameras.txt:1"), HasSubstr("THIN_PRISM_FISHEYE"), HasSubstr("sx1")));
   EXPECT_THAT(rig_refusal("colmap", {"7 RAD_TAN_THIN_PRISM_FISHEYE 48 40 50\n", kImages}),
               AllOf(HasSubstr("cameras.txt:1"), HasSubstr("RAD_TAN_THIN_PRISM_FISHEYE")));
+}
+
+// To export the model again would not help.
+TEST(ColmapFisheyes, UnsupportedLensesHaveOneAdvice) {
+  for (const char* camera :
+       {"RAD_TAN_THIN_PRISM_FISHEYE 48 40 50", "FOV 3000 2000 1000 1000 1500 1000 1.2",
+        "FOV 4000 4000 1000 1000 2000 2000 2.2",
+        "THIN_PRISM_FISHEYE 48 40 50 51 24 20 0.1 0.2 0 0 0.3 0.4 1e-3 0"}) {
+    EXPECT_THAT(rig_refusal("colmap", {fmt::format("7 {}\n", camera), kImages}),
+                AllOf(HasSubstr("Undistort the images"), Not(HasSubstr("Export")),
+                      Not(HasSubstr("; undistort"))))
+        << camera;
+  }
+}
+
+// Otherwise the import would name a place in the rig.json to be written.
+TEST(ColmapModels, ValuesBeyondThoseOfARigAreRefusedAtTheirPlace) {
+  const auto refusal = [](const std::string& camera, const std::string& pose) {
+    const std::vector<std::string> texts{"7 " + camera + "\n", "1 " + pose + " 7 a.jpg\n\n"};
+    const std::string text = rig_refusal("colmap", texts);
+    if (text == "accepted") document_of(parse_rig_files("colmap", texts));  // throws if it should
+    return text;
+  };
+  const std::string pinhole = "PINHOLE 48 40 50 50 24 20", here = "1 0 0 0 0 0 0";
+  EXPECT_EQ(refusal("OPENCV 48 40 50 50 1e7 20 1e6 0 0 -1e6", here), "accepted");
+  for (const char* camera :
+       {"SIMPLE_RADIAL_FISHEYE 48 40 50 24 20 5e6", "SIMPLE_RADIAL 48 40 50 24 20 -1.1e6",
+        "OPENCV 48 40 50 50 24 20 0 0 0 2e6"}) {
+    EXPECT_THAT(refusal(camera, here),
+                AllOf(HasSubstr("cameras.txt:1"), HasSubstr("allowed: up to 1000000")));
+  }
+  // A rotation by 45 degrees about y: the coordinates of the translation are within the limit.
+  EXPECT_THAT(refusal(pinhole, "0.9238795325 0 0.3826834324 0 9e8 0 9e8"),
+              AllOf(HasSubstr("images.txt:1"), HasSubstr("position of the camera")));
 }
 
 /// Returns the largest distance of the pixels of one ray by the FOV model and by ours, over the

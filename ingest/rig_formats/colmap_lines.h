@@ -70,9 +70,13 @@ class LineReader {
   }
   /// Returns "FILE:line".
   std::string place() const { return fmt::format("{}:{}", name_, number_); }
+  /// Returns the error of a line that is not as COLMAP writes it.
   Error refuse(std::string what) const {
-    return Error::bad_input(std::move(what), place(),
-                            "Export the model again with colmap model_converter --output_type TXT");
+    return refuse(std::move(what),
+                  "Export the model again with colmap model_converter --output_type TXT");
+  }
+  Error refuse(std::string what, std::string what_to_do) const {
+    return Error::bad_input(std::move(what), place(), std::move(what_to_do));
   }
 
  private:

@@ -81,15 +81,16 @@ double* distortion_variable(char letter, schemas::Intrinsics& lens) {
   return letter >= '1' && letter <= '4' ? &lens.radial_distortion.at(letter - '1') : nullptr;
 }
 
+constexpr const char* kUndistort =
+    "Undistort the images with colmap image_undistorter, and import the model that it writes";
+
 Error unsupported_model(const LineReader& lines, std::string_view name) {
   std::string allowed;
   for (const ColmapCameraModel& model : kColmapModels) {
     allowed += fmt::format("{}{}", allowed.empty() ? "" : ", ", model.name);
   }
   return lines.refuse(
-      fmt::format("the camera model {} is not supported, allowed: {}; undistort the images with "
-                  "colmap image_undistorter",
-                  name, allowed));
+      fmt::format("the camera model {} is not supported, allowed: {}", name, allowed), kUndistort);
 }
 
 /// Replaces the lens of an FOV camera by a fisheye, and notes the error.
@@ -106,13 +107,16 @@ void approximate_fov(ColmapCamera& camera, double omega, const LineReader& lines
   if (!std::isfinite(fisheye.max_error_px)) {
     throw lines.refuse(
         "the camera model FOV is approximated by a fisheye, and none reaches the corners of this "
-        "picture; undistort the images with colmap image_undistorter");
+        "picture",
+        kUndistort);
   }
   if (!(fisheye.max_error_px < kLargestError)) {
-    throw lines.refuse(fmt::format(
-        "the camera model FOV is approximated by a fisheye, which would be {:.3g} px off here, "
-        "allowed: less than {} px; undistort the images with colmap image_undistorter",
-        fisheye.max_error_px, kLargestError));
+    throw lines.refuse(
+        fmt::format(
+            "the camera model FOV is approximated by a fisheye, which would be {:.3g} px off here, "
+            "allowed: less than {} px",
+            fisheye.max_error_px, kLargestError),
+        kUndistort);
   }
   camera.intrinsics = fisheye.intrinsics;
   notes.push_back(fmt::format("{}: the lens FOV is approximated by a fisheye, up to {:.2g} px off",
@@ -131,31 +135,31 @@ ColmapCamera read_camera(LineReader& lines, std::vector<std::string>& notes) {
                                    camera.height));
   }
   schemas::Intrinsics& lens = camera.intrinsics;
-  const auto number = [&] {
+  const auto number = [&](double largest) {
     const auto value = lines.number<double>("camera parameter");
-    constexpr double kLargest = 1e7;  // of rig.json
-    if (std::abs(value) <= kLargest) return value;
+    if (std::abs(value) <= largest) return value;
     throw lines.refuse(
-        fmt::format("found the camera parameter {}, allowed: up to {}", value, kLargest));
+        fmt::format("found the camera parameter {}, allowed: up to {}", value, largest));
   };
+  constexpr double kLargestPixels = 1e7, kLargestDistortion = 1e6;  // of rig.json
   lens.projection = model->projection;
-  lens.fx = lens.fy = number();
-  if (!model->one_focal_length) lens.fy = number();
-  lens.cx = number();
-  lens.cy = number();
+  lens.fx = lens.fy = number(kLargestPixels);
+  if (!model->one_focal_length) lens.fy = number(kLargestPixels);
+  lens.cx = number(kLargestPixels);
+  lens.cy = number(kLargestPixels);
   double omega = 0;
   for (const char letter : model->distortion) {
-    const double value = number();
+    const double value = number(kLargestDistortion);
     if (double* variable = distortion_variable(letter, lens)) {
       *variable = value;
     } else if (letter == 'w') {
       omega = value;
     } else if (value != 0) {
-      throw lines.refuse(fmt::format(
-          "the camera model {} is supported only without {}, which is {} here; undistort the "
-          "images with colmap image_undistorter",
-          name, model->projection == kPinholeLens ? "k4, k5 and k6" : "p1, p2, sx1 and sy1",
-          value));
+      throw lines.refuse(
+          fmt::format("the camera model {} is supported only without {}, which is {} here", name,
+                      model->projection == kPinholeLens ? "k4, k5 and k6" : "p1, p2, sx1 and sy1",
+                      value),
+          kUndistort);
     }
   }
   if (!lines.at_end_of_line()) {
@@ -188,21 +192,25 @@ struct ColmapImage {
 };
 
 schemas::Matrix4 read_pose(LineReader& lines) {
+  constexpr double kLargest = 1e9;  // of rig.json
+  const auto check = [&](double value, std::string_view what) {
+    if (std::abs(value) <= kLargest) return;
+    throw lines.refuse(fmt::format("found {} in the {}, allowed: up to {}", value, what, kLargest));
+  };
   std::array<double, 7> values{};
   for (double& value : values) {
     value = lines.number<double>("pose");
-    constexpr double kLargest = 1e9;  // of rig.json
-    if (std::abs(value) > kLargest) {
-      throw lines.refuse(fmt::format("found {} in the pose, allowed: up to {}", value, kLargest));
-    }
+    check(value, "pose");
   }
   Eigen::Quaterniond camera_from_world(values[0], values[1], values[2], values[3]);
   constexpr double kSmallest = 1e-9;
   if (camera_from_world.norm() < kSmallest) throw lines.refuse("the quaternion has length 0");
   camera_from_world.normalize();
   const Eigen::Matrix3d rotation = camera_from_world.toRotationMatrix();
-  const Eigen::Vector3d translation(values[4], values[5], values[6]);
-  return rig::matrix_from_pose(pose_from_opencv(rotation, -(rotation.transpose() * translation)));
+  const Eigen::Vector3d position =
+      -(rotation.transpose() * Eigen::Vector3d(values[4], values[5], values[6]));
+  for (const double coordinate : position) check(coordinate, "position of the camera");
+  return rig::matrix_from_pose(pose_from_opencv(rotation, position));
 }
 
 std::vector<ColmapImage> read_images(const NamedText& file,

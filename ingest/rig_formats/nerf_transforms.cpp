@@ -136,7 +136,17 @@ void set_distortion(schemas::Intrinsics& lens, const FrameProperties& frame,
 
 schemas::Intrinsics intrinsics_of(const FrameProperties& frame, PictureSize size,
                                   const std::string& name, const std::string& pointer) {
-  const auto focal = [](double pixels, double angle) { return pixels / 2 / std::tan(angle / 2); };
+  const auto focal = [&](double pixels, double angle) {
+    const double length = pixels / 2 / std::tan(angle / 2);
+    constexpr double kLargest = 1e7;  // of rig.json
+    if (length <= kLargest) return length;
+    throw schemas::json_value_error(
+        name, pointer,
+        fmt::format(
+            "the camera's angle {} means a focal length of {:.3g} pixels, allowed: up to {}", angle,
+            length, kLargest),
+        "Give the angle in radians");
+  };
   schemas::Intrinsics result;
   const bool fisheye = frame.is_fisheye();
   if (fisheye) result.projection = schemas::Projection::kFisheye;

@@ -35,13 +35,15 @@ std::vector<std::string> make_camera_ids(std::span<const std::string> image_name
   std::map<std::string, int> stems;
   for (const std::string& name : image_names) ++stems[safe_id(stem_of(name))];
   std::set<std::string> taken;
+  std::map<std::string, int> next;  // number of a base, so that equal names cost no search
   std::vector<std::string> ids;
   for (const std::string& name : image_names) {
     std::string id = safe_id(stem_of(name));
     if (stems[id] > 1) id = safe_id(path_without_extension(name));
     const std::string base = id;
-    for (int number = 2; !taken.insert(id).second; ++number) {
-      id = fmt::format("{}-{}", base, number);
+    while (!taken.insert(id).second) {
+      int& number = next.try_emplace(base, 2).first->second;
+      id = fmt::format("{}-{}", base, number++);
     }
     ids.push_back(id);
   }

@@ -172,11 +172,18 @@ ColmapCamera read_camera(LineReader& lines, std::vector<std::string>& notes) {
   return camera;
 }
 
+Error too_many(const LineReader& lines, std::string_view what) {
+  return lines.refuse(
+      fmt::format("the file has more {} than allowed: {}", what, kMaxForeignCameras),
+      "Export a model with fewer images");
+}
+
 std::map<std::int64_t, ColmapCamera> read_cameras(const NamedText& file,
                                                   std::vector<std::string>& notes) {
   LineReader lines(file);
   std::map<std::int64_t, ColmapCamera> cameras;
   while (lines.next_entry()) {
+    if (cameras.size() == kMaxForeignCameras) throw too_many(lines, "cameras");
     const auto id = lines.number<std::int64_t>("camera id");
     if (!cameras.emplace(id, read_camera(lines, notes)).second) {
       throw lines.refuse(fmt::format("the camera id {} is used twice", id));
@@ -218,6 +225,7 @@ std::vector<ColmapImage> read_images(const NamedText& file,
   LineReader lines(file);
   std::vector<ColmapImage> images;
   while (lines.next_entry()) {
+    if (images.size() == kMaxForeignCameras) throw too_many(lines, "images");
     ColmapImage image;
     lines.word("image id");
     image.world_from_camera = read_pose(lines);

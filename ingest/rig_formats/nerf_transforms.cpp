@@ -62,7 +62,8 @@ constexpr const char* kSchema = R"({
   },
   "type": "object",
   "required": ["frames"],
-  "properties": {"frames": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/frame"}}}
+  "properties": {"frames": {"type": "array", "minItems": 1, "maxItems": 10000,
+                            "items": {"$ref": "#/$defs/frame"}}}
 })";
 
 void check_schema(const json& document, std::string_view name) {

@@ -13,6 +13,9 @@
 
 namespace raystage::ingest {
 
+/// The most cameras of a file; the schemas of JSON formats state it, too.
+inline constexpr std::size_t kMaxForeignCameras = 10'000;
+
 /// Returns whether columns are right-handed unit axes within `tolerance`; if so, `axes` is replaced
 /// by the nearest rotation. Otherwise `problem` states what they are, and what is allowed.
 bool make_rotation(Eigen::Matrix3d& axes, double tolerance, std::string& problem);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests what all formats of rigs share, and fisheyes of transforms.json.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -63,6 +64,33 @@ TEST(NerfTransforms, AreWrittenAndReadWithoutLoss) {
   EXPECT_THAT(export_refusal("nerf", rig), AllOf(HasSubstr("camera \"a.b\""), HasSubstr("OPENCV")));
   EXPECT_THAT(export_refusal("nerf", rig_of_fisheyes(Projection::kOrthographic)),
               AllOf(HasSubstr("camera \"c0\""), HasSubstr("orthographic lens")));
+}
+
+TEST(RigFormats, HaveAtMostTenThousandCameras) {
+  constexpr int kMost = 10'000;
+  const auto nerf = [](int count) {
+    json document = {{"w", 64}, {"h", 48}, {"fl_x", 20}};
+    const json frame = {{"file_path", "same.png"},
+                        {"transform_matrix", {{1, 0, 0, 1}, {0, 1, 0, 2}, {0, 0, 1, 3}}}};
+    document["frames"] = json(static_cast<std::size_t>(count), frame);
+    return document.dump();
+  };
+  const ForeignRig most = parse_rig_files("nerf", {nerf(kMost)});
+  EXPECT_EQ(most.cameras.front().geometry.id, "same");
+  EXPECT_EQ(most.cameras.back().geometry.id, "same-10000");
+  EXPECT_THAT(rig_refusal("nerf", {nerf(kMost + 1)}),
+              HasSubstr("transforms.json#/frames: found an array of 10001"));
+
+  std::string cameras, images;
+  for (int i = 1; i <= kMost; ++i) {
+    cameras += fmt::format("{} PINHOLE 48 40 50 50 24 20\n", i);
+    images += "1 1 0 0 0 0 0 0 7 same.jpg\n\n";
+  }
+  EXPECT_EQ(parse_rig_files("colmap", {cameras, images}).cameras.back().geometry.id, "same-10000");
+  EXPECT_THAT(rig_refusal("colmap", {cameras, images + "1 1 0 0 0 0 0 0 7 same.jpg\n\n"}),
+              AllOf(HasSubstr("images.txt:20001"), HasSubstr("10000"), HasSubstr("fewer images")));
+  EXPECT_THAT(rig_refusal("colmap", {cameras + "0 PINHOLE 48 40 50 50 24 20\n", images}),
+              AllOf(HasSubstr("cameras.txt:10001"), HasSubstr("10000")));
 }
 
 TEST(RigFormats, StateWhatTheyDoNotHold) {

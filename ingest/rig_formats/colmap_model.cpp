@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Converts a COLMAP text model: inverts its poses (camera_from_world to world_from_camera) and
-// negates the camera's y and z axes (y down, +z forward to y up, -z forward). Lens parameters and
-// world coordinates stay unchanged. Cost: linear in the size of the two files.
+// negates the camera's y and z axes (y down, +z forward to y up, -z forward). Lens parameters, with
+// pixel centres at +0.5, and world coordinates stay unchanged. Cost: linear in the size of the two
+// files.
 #include "ingest/rig_formats/colmap_model.h"
 
 #include <fmt/format.h>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads and writes rig.json of facebook360_dep (source/util/Camera.h): the angle of a ray to the
 // axis becomes r by the type, r' = r + d0 r^3 + d1 r^5 + d2 r^7, and pixel = focal * r' (x, y) +
-// principal, with y up and focal[1] negative. RECTILINEAR is the pinhole with k1, k2 and k3. Cost:
-// linear in the cameras.
+// principal, with y up and focal[1] negative. Pixel centres are at +0.5 (source/util/CvUtil.h,
+// getPixelBilinear()). RECTILINEAR is the pinhole with k1, k2 and k3. Cost: linear in the cameras.
 #include "ingest/rig_formats/facebook_rig.h"
 
 #include <fmt/format.h>

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads and writes models.json of Google's Immersive Light Field Video (Broxton et al., "Immersive
-// Light Field Video with a Layered Mesh Representation", 2020). A fisheye is OpenCV's cv::fisheye:
+// Light Field Video with a Layered Mesh Representation", 2020; readme of the repository
+// augmentedperception/deepview_video_dataset). A fisheye has the formula of OpenCV's cv::fisheye:
 // theta_d = theta (1 + k1 theta^2 + k2 theta^4 + ...), pixel = focal_length * theta_d (x, y) +
-// principal_point, with y down. Cost: linear in the cameras.
+// principal_point, with y down. The readme does not state pixel centres: taken as at +0.5. Cost:
+// linear in the cameras.
 #include "ingest/rig_formats/google_models.h"
 
 #include <fmt/format.h>

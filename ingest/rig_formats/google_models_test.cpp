@@ -62,6 +62,29 @@ TEST(GoogleModels, ProjectAsOpenCvDoes) {
   }
 }
 
+// The example in the readme of the data set (augmentedperception/deepview_video_dataset), with its
+// result. The sizes are floating-point numbers there, too.
+TEST(GoogleModels, ProjectAsTheirReadmeDoes) {
+  const json camera = {
+      {"name", "camera_0001"},
+      {"position", {0.003311238794086777, 0.000126384684934784, 0.42421246053630285}},
+      {"orientation", {-0.03295944563072383, 0.02964606619481096, -0.03337751007195316}},
+      {"focal_length", 1111.3638715594666},
+      {"pixel_aspect_ratio", 1.0},
+      {"principal_point", {1284.7296468363463, 925.4651609728676}},
+      {"height", 1920.0},
+      {"width", 2560.0},
+      {"radial_distortion", {0.0970525284520715, -0.01708587111009977, 0.0}},
+      {"projection_type", "fisheye"}};
+  const rig::Rig rig =
+      rig::rig_from_document(document_of(parse_rig_files("google", {json{camera}.dump()})));
+  const rig::Rig::Camera& read = rig.cameras[0];
+  const auto pixel = read.model.project(read.pose.camera_from_world({0.5, 0.5, 10}));
+  ASSERT_TRUE(pixel);
+  EXPECT_NEAR(pixel->x(), 1377.85525, 1e-5);
+  EXPECT_NEAR(pixel->y(), 1017.61440, 1e-5);
+}
+
 TEST(GoogleModels, AreWrittenAndReadWithoutLoss) {
   schemas::RigDocument rig = rig_of_fisheyes(Projection::kFisheye);
   rig.cameras[1].geometry.intrinsics.radial_distortion[3] = 1e-6;

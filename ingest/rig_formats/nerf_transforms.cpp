@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Converts a NeRF transforms.json. Focal lengths come from fl_x and fl_y in pixels, or from the
 // angles of a pinhole: fl = size / (2 tan(angle / 2)). transform_matrix is world_from_camera (y up,
-// -z forward). Its uniform scale, the cube root of the determinant, is removed. Cost: linear in the
-// frames, and one file header per frame without a size.
+// -z forward). Its uniform scale, the cube root of the determinant, is removed. Pixel centres are
+// at +0.5 (nerfstudio, Cameras.get_image_coords()). Cost: linear in the frames, and one file header
+// per frame without a size.
 #include "ingest/rig_formats/nerf_transforms.h"
 
 #include <fmt/format.h>

@@ -66,6 +66,34 @@ TEST(NerfTransforms, AreWrittenAndReadWithoutLoss) {
               AllOf(HasSubstr("camera \"c0\""), HasSubstr("orthographic lens")));
 }
 
+// Pixel centres are at +0.5 in all formats: a principal point of 0.5 is the first pixel's centre.
+TEST(RigFormats, HavePixelCentresAtAHalf) {
+  const json google = {{{"name", "a"},
+                        {"width", 64},
+                        {"height", 48},
+                        {"focal_length", 20},
+                        {"principal_point", {0.5, 0.5}},
+                        {"orientation", {0, 0, 0}},
+                        {"position", {0, 0, 0}},
+                        {"projection_type", "fisheye"}}};
+  const json facebook = {{"version", 1},           {"type", "FTHETA"},       {"id", "a"},
+                         {"origin", {0, 0, 1}},    {"right", {1, 0, 0}},     {"up", {0, 1, 0}},
+                         {"forward", {0, 0, -1}},  {"resolution", {64, 48}}, {"focal", {20, -20}},
+                         {"principal", {0.5, 0.5}}};
+  json nerf = {{"w", 64}, {"h", 48}, {"fl_x", 20}, {"cx", 0.5}, {"cy", 0.5}};
+  nerf["frames"] = {
+      {{"file_path", "a.png"}, {"transform_matrix", {{1, 0, 0, 1}, {0, 1, 0, 2}, {0, 0, 1, 3}}}}};
+  for (const ForeignRig& rig :
+       {parse_rig_files("google", {google.dump()}),
+        parse_rig_files("facebook360", {facebook.dump()}), parse_rig_files("nerf", {nerf.dump()}),
+        parse_rig_files("colmap",
+                        {"7 PINHOLE 64 48 20 20 0.5 0.5\n", "1 1 0 0 0 0 0 0 7 a.png\n\n"})}) {
+    const auto ray = rig::CameraModel(rig.cameras.at(0).geometry).unproject({0.5, 0.5});
+    ASSERT_TRUE(ray);
+    EXPECT_EQ(*ray, Eigen::Vector3d(0, 0, -1));
+  }
+}
+
 TEST(RigFormats, HaveAtMostTenThousandCameras) {
   constexpr int kMost = 10'000;
   const auto nerf = [](int count) {

@@ -79,6 +79,24 @@ TEST_F(ExportCommand, InfoOfARigStatesItsLenses) {
   EXPECT_NEAR(json["lenses"][0]["max_fov_deg"].get<double>(), 180, 1e-6);
 }
 
+TEST_F(ExportCommand, InfoOfARigStatesItsShutters) {
+  EXPECT_THAT(run("info ring.json").output, HasSubstr("Shutter     global ("));
+  EXPECT_EQ(nlohmann::json::parse(run("info ring.json --json").output)["shutter"]["kind"],
+            "global");
+  schemas::RigDocument rig = schemas::read_rig(folder.path() / "ring.json");
+  rig.cameras[2].geometry.line_time_us = 31.25;
+  schemas::write_rig(rig, folder.path() / "rolling.json");
+  EXPECT_THAT(
+      run("info rolling.json").output,
+      HasSubstr("Shutter     rolling in 1 of 4 cameras: line time 31.25 us, read-out 1.5 ms "
+                "a frame (rig.json)\n"));
+  const auto shutter = nlohmann::json::parse(run("info rolling.json --json").output)["shutter"];
+  EXPECT_EQ(shutter, (nlohmann::json{{"kind", "rolling"},
+                                     {"rolling_cameras", 1},
+                                     {"line_time_us", {31.25, 31.25}},
+                                     {"read_out_ms", {1.5, 1.5}}}));
+}
+
 TEST_F(ExportCommand, ATakesRigIsWritten) {
   const auto take = folder.path() / "take";
   testing::write_take(take, {{0, 1'000'000}, {0, 1'000'000}}, 20);

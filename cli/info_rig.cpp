@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "cli/printing.h"
+#include "cli/shutter_text.h"
 #include "rig/rig.h"
 #include "schemas/json_text.h"
 #include "schemas/rig_document.h"
@@ -41,6 +42,7 @@ OrderedJson json_of_rig(const schemas::RigDocument& document, const rig::Rig& ri
           {"calibrated", schemas::is_calibrated(document)},
           {"median_baseline_m", store::median_baseline(rig)},
           {"lenses", lenses_as_json(rig::summarise_lenses(rig))},
+          {"shutter", shutters_as_json(store::summarise_shutters(rig))},
           {"cameras", std::move(cameras)}};
 }
 
@@ -57,6 +59,14 @@ nlohmann::ordered_json lenses_as_json(const std::vector<rig::LensSummary>& lense
   return list;
 }
 
+nlohmann::ordered_json shutters_as_json(const store::ShutterSummary& shutters) {
+  if (shutters.is_global()) return {{"kind", "global"}, {"rolling_cameras", 0}};
+  return {{"kind", "rolling"},
+          {"rolling_cameras", shutters.rolling},
+          {"line_time_us", {shutters.min_line_time_us, shutters.max_line_time_us}},
+          {"read_out_ms", {shutters.min_read_out_ms, shutters.max_read_out_ms}}};
+}
+
 ExitCode info_of_rig(const std::filesystem::path& file, bool json) {
   const schemas::RigDocument document = schemas::read_rig(file);
   const rig::Rig rig = rig::rig_from_document(document);
@@ -71,6 +81,7 @@ ExitCode info_of_rig(const std::filesystem::path& file, bool json) {
   line("Cameras", fmt::format("{}, {}, {:.4g} m apart", rig.cameras.size(), sizes_of(rig),
                               store::median_baseline(rig)));
   line("Lenses", rig::format_lenses(rig::summarise_lenses(rig)));
+  line("Shutter", shutter_text(store::summarise_shutters(rig)));
   return ExitCode::kSuccess;
 }
 

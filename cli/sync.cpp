@@ -20,6 +20,7 @@
 #include "cli/take_event.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
+#include "rig/line_time_check.h"
 #include "schemas/former_names.h"
 #include "schemas/json_text.h"
 #include "store/journal_archives.h"
@@ -148,6 +149,17 @@ void print_json(const store::ResyncResult& resync, const std::optional<store::Fl
   print(schemas::dump_json(json) + "\n");
 }
 
+/// Refuses line times that no frame can have where rows are moved by them; otherwise warns.
+void check_line_times(const store::Take& take, const store::Timeline& timeline, bool moves_rows) {
+  std::vector<double> periods_ns;
+  for (const store::CameraClock& clock : timeline.clocks) periods_ns.push_back(clock.period_ns);
+  const auto error = rig::line_time_error(take.rig(), periods_ns, take.document().nominal_fps,
+                                          (take.folder() / "rig.json").string());
+  if (!error) return;
+  if (moves_rows) throw *error;
+  print_error("raystage sync: {}\n", error->what());
+}
+
 void say_what_is_elsewhere(const store::Take& take) {
   int cameras = 0;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
@@ -195,6 +207,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     store::add_offsets(*flash, options.flash_per == "node", cameras, settings.offsets);
   }
   const store::ResyncResult resync = store::resynchronise(cameras, settings, options.take);
+  check_line_times(take, resync.timeline, options.retime == store::RetimeMethod::kFlow);
   if (options.output.empty()) store::write_timeline(resync.timeline, take);
   if (!options.report.empty()) {
     write_file_atomically(options.report,

@@ -12,6 +12,7 @@
 namespace raystage::cli {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -87,6 +88,23 @@ TEST_F(TakeCommands, SayWhatIsAssumedAboutShutters) {
   const auto json = nlohmann::json::parse(run("info --json " + quoted).output);
   EXPECT_EQ(json["shutter"]["kind"], "rolling");
   EXPECT_EQ(json["shutter"]["read_out_ms"], (nlohmann::json{15, 15}));
+}
+
+TEST_F(TakeCommands, SyncFindsLineTimesThatNoFrameHas) {
+  schemas::RigDocument rig = testing::rig_document(4);
+  rig.cameras[2].geometry.line_time_us = 62500;  // nanoseconds
+  schemas::write_rig(rig, take / "rig.json");
+  const testing::CommandResult warned = run("sync -q " + quoted);
+  EXPECT_EQ(warned.exit_code, 0);
+  EXPECT_THAT(warned.output, AllOf(HasSubstr("rig.json: camera c2: with the line time of 62500 us"),
+                                   HasSubstr("take 15000 ms, longer than a frame time of"),
+                                   HasSubstr("Correct line_time_us")));
+  const std::filesystem::path moved = folder.path() / "moved";
+  const testing::CommandResult refused =
+      run("sync -q --retime flow -o '" + moved.string() + "' " + quoted);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.output, HasSubstr("camera c2"));
+  EXPECT_FALSE(std::filesystem::exists(moved));
 }
 
 TEST_F(TakeCommands, GuessedPlacesAreNotMeasured) {

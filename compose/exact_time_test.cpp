@@ -14,6 +14,7 @@
 namespace raystage::compose {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using Time = schemas::ShotDocument::Layer::Time;
@@ -94,6 +95,24 @@ TEST_F(ExactTime, TheLastInstantIsShownAsTicksAre) {
   EXPECT_NEAR(ticks_shown(111), 5, 0.06);
   shot_.last_frame = 113;
   EXPECT_THAT(refusal(), HasSubstr("no instant"));
+}
+
+// Rows cannot be moved by a line time of nanoseconds. Frames as recorded do not depend on it.
+TEST_F(ExactTime, LineTimesThatNoFrameHasAreRefused) {
+  const std::filesystem::path file = folder_.path() / "take" / "rig.json";
+  schemas::RigDocument rig = schemas::read_rig(file);
+  for (const double line_time_us : {1e5 / rig.cameras[1].geometry.height, 10'000.0}) {
+    rig.cameras[1].geometry.line_time_us = line_time_us;
+    schemas::write_rig(rig, file);
+    if (line_time_us < 10'000) {
+      EXPECT_EQ(instants().size(), 12U);
+      continue;
+    }
+    EXPECT_THAT(refusal(), AllOf(HasSubstr("rig.json: camera " + rig.cameras[1].geometry.id),
+                                 HasSubstr("10000 us"), HasSubstr("Correct line_time_us")));
+  }
+  shot_.layers.front().time = Time::kTick;
+  EXPECT_EQ(instants().size(), 12U);
 }
 
 // All cameras lost tick 3: it is between ticks 2 and 4.

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "images/exr_reader.h"
 #include "images/image_reader.h"
+#include "render/common/exact_times.h"
 #include "store/exact_frames.h"
 #include "store/processing/frames/blend_space.h"
 #include "store/processing/frames/corrected_frame.h"
@@ -178,6 +179,7 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                            "Run `raystage sync`")
         .concerning({"exact_times"});
   }
+  if (options.exact_times) render::require_plausible_line_times(take, *timeline);
   std::vector<EvaluationCase> subjects;
   const auto reader = std::make_shared<const images::ImageReader>();
   for (const schemas::ViewsDocument::View& view : views.views) {

@@ -106,6 +106,25 @@ TEST_F(Subjects, AViewShowsTheTickNearestToItsTime) {
   EXPECT_THAT(frames_of_view_at(third, nullptr).frame, ElementsAre(2, 1, 2, -1));
 }
 
+TEST_F(Subjects, ExactTimesNeedPlausibleLineTimes) {
+  const std::filesystem::path file = folder_.path() / "take" / "rig.json";
+  schemas::RigDocument rig = schemas::read_rig(file);
+  rig.cameras[2].geometry.line_time_us = 3000;  // a read-out of 144 ms at 10 Hz
+  schemas::write_rig(rig, file);
+  const store::Take take(folder_.path() / "take");
+  EvaluationOptions options;
+  options.excluded_camera_ids = {take.rig().cameras[0].id};
+  EXPECT_EQ(make_evaluation_cases(take, &timeline_, {}, {}, options).size(), 5U);
+  options.exact_times = true;
+  try {
+    make_evaluation_cases(take, &timeline_, {}, {}, options);
+    ADD_FAILURE() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("rig.json: camera " + take.rig().cameras[2].id));
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+  }
+}
+
 TEST_F(Subjects, BeyondTheTimelineThereIsNothing) {
   const Nanoseconds last = timeline_.ticks.back().time_ns;
   EXPECT_EQ(frames_of_view_at(last + kInterval / 3, &timeline_).present(), kCameras);

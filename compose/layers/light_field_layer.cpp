@@ -15,6 +15,7 @@
 #include "base/cancellation.h"
 #include "base/error.h"
 #include "render/automatic/automatic.h"
+#include "render/common/exact_times.h"
 #include "render/methods.h"
 #include "schemas/imported_depths_document.h"
 #include "store/exact_frames.h"
@@ -300,6 +301,8 @@ LightFieldLayer::LightFieldLayer(const schemas::ShotDocument& shot, std::size_t 
     throw Error::bad_input("the take's timeline is empty", take_.folder().string(),
                            "Run `raystage sync` and check its report");
   }
+  using Time = schemas::ShotDocument::Layer::Time;
+  if (layer_.time == Time::kExact) render::require_plausible_line_times(take_, timeline_);
   // Fail now if an archive is missing, and not at the first frame that needs it.
   for (int camera = 0; camera < take_.camera_count(); ++camera) take_.archive(camera);
   if (layer_.matte) {

@@ -34,11 +34,20 @@ Eigen::Vector3d Rig::mean_viewing_direction() const {
 
 namespace {
 
+/// Returns the ray at the end of a fisheye's circle towards a pixel.
+Eigen::Vector3d ray_at_the_end(const CameraModel& model, const Eigen::Vector2d& pixel) {
+  const schemas::Intrinsics& lens = model.intrinsics();
+  const Eigen::Vector2d image((pixel.x() - lens.cx) / lens.fx, (pixel.y() - lens.cy) / lens.fy);
+  const double angle = model.fisheye()->largest_angle();
+  const Eigen::Vector2d across = std::sin(angle) * image.normalized();
+  return {across.x(), -across.y(), -std::cos(angle)};
+}
+
 /// Returns the largest angle between a ray that a camera records and a direction, radians, from
-/// rays of the picture's border; for fisheyes.
+/// rays of the picture's border, or of the circle of the lens where that is within the picture; for
+/// fisheyes.
 double farthest_recorded(const Rig::Camera& camera, const Eigen::Vector3d& direction) {
   constexpr int kParts = 16;  // of each side
-  const double largest = camera.model.fisheye()->largest_angle();
   const Eigen::Vector3d axis = camera.pose.viewing_direction();
   const double of_axis = std::atan2(axis.cross(direction).norm(), axis.dot(direction));
   double farthest = of_axis;
@@ -46,12 +55,10 @@ double farthest_recorded(const Rig::Camera& camera, const Eigen::Vector3d& direc
     const double part = static_cast<double>(i % kParts) / kParts;
     const double x = i < kParts ? part : i < 2 * kParts ? 1 : i < 3 * kParts ? 1 - part : 0;
     const double y = i < kParts ? 0 : i < 2 * kParts ? part : i < 3 * kParts ? 1 : 1 - part;
-    const auto ray = camera.model.unproject({x * camera.model.width(), y * camera.model.height()});
-    if (!ray) {  // the picture shows the whole circle there
-      farthest = std::max(farthest, largest);
-      continue;
-    }
-    const Eigen::Vector3d towards = camera.pose.world_from_camera_rotation * *ray;
+    const Eigen::Vector2d pixel(x * camera.model.width(), y * camera.model.height());
+    const Eigen::Vector3d ray =
+        camera.model.unproject(pixel).value_or(ray_at_the_end(camera.model, pixel));
+    const Eigen::Vector3d towards = camera.pose.world_from_camera_rotation * ray;
     farthest =
         std::max(farthest, std::atan2(towards.cross(direction).norm(), towards.dot(direction)));
   }

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "base/error.h"
 #include "rig/row_times.h"
@@ -50,6 +51,39 @@ TEST(Rig, CentreAndDirection) {
   const Rig rig = rig_from_document(document_of_grid(3, 3));
   EXPECT_NEAR((rig.centre() - Eigen::Vector3d(0.1, -0.1, 0)).norm(), 0, 1e-15);
   EXPECT_EQ(rig.mean_viewing_direction(), Eigen::Vector3d(0, 0, -1));
+}
+
+/// Two f-theta lenses whose pictures show their circle, except beyond `outer_px` from the principal
+/// point towards the side to which the camera is turned, off the mean direction.
+Rig turned_apart(double half_angle_deg, double turn_deg, double outer_px) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  schemas::RigDocument document;
+  for (const double side : {-1.0, 1.0}) {
+    schemas::CameraGeometry camera;
+    camera.id = side < 0 ? "left" : "right";
+    camera.width = camera.height = 1200;
+    camera.intrinsics = {400, 400, side < 0 ? outer_px : 1200 - outer_px, 600, {}};
+    camera.intrinsics.projection = schemas::Projection::kFtheta;
+    camera.intrinsics.half_angle = half_angle_deg * kDegree;
+    Pose pose;
+    pose.position = {0.05 * side, 0, 0};
+    pose.world_from_camera_rotation =
+        Eigen::AngleAxisd(-side * turn_deg * kDegree, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    camera.world_from_camera = matrix_from_pose(pose);
+    document.cameras.push_back({camera, {}});
+  }
+  return rig_from_document(document);
+}
+
+// More than 75 degrees off the mean direction.
+TEST(Rig, LooksAroundByTheCirclesOfTurnedFisheyes) {
+  constexpr double kWhole = 600;
+  EXPECT_FALSE(turned_apart(70, 0, kWhole).looks_around());
+  EXPECT_FALSE(turned_apart(70, 4, kWhole).looks_around());
+  EXPECT_TRUE(turned_apart(70, 6, kWhole).looks_around());
+  EXPECT_TRUE(turned_apart(70, 10, kWhole).looks_around());
+  // Of the side that is turned outwards they record 20 degrees.
+  EXPECT_FALSE(turned_apart(70, 10, 140).looks_around());
 }
 
 TEST(Rig, RefusesUnusableDocuments) {

@@ -53,6 +53,25 @@ double largest_difference_px(const schemas::Intrinsics& a, const schemas::Intrin
   return most;
 }
 
+// Boards that face the camera are not tilted, although those at the side are upright to its axis.
+TEST(FisheyeBoards, AreTiltedAgainstTheDirectionInWhichTheyAreSeen) {
+  const FisheyeCase test = testing::fisheye_case(Projection::kFtheta, 100);
+  testing::BoardSimulation board;
+  board.nearest = 0.4;  // the middle of what is seen of a board is near its own
+  board.farthest = 0.5;
+  const auto largest_tilt = [&](double tilt_deg) {
+    board.tilt_deg = tilt_deg;
+    const CameraBoardViews boards = testing::simulate_boards_with(
+        test, 24, board, 5, [](std::mt19937&) { return Vector2d(0, 0); });
+    LensCalibrationOptions options;
+    options.model.projection = Projection::kFtheta;
+    return calibrate_lens(boards, options).max_tilt_deg;
+  };
+  EXPECT_LT(largest_tilt(5), 20);
+  EXPECT_GT(largest_tilt(40), 30);
+  EXPECT_LT(largest_tilt(40), 65);
+}
+
 TEST_P(FisheyeLenses, AreFoundFromBoards) {
   const FisheyeCase& test = GetParam();
   const CameraBoardViews boards = testing::simulate_boards(test, 40, 0.2, 11);

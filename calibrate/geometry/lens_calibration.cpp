@@ -147,6 +147,19 @@ void refine(ArrayModel& model, const BoardViewList& views, const LensCalibration
   run_bundle_adjustment(model, bundle);
 }
 
+/// Returns the tilt of a board, degrees: see LensCalibration::max_tilt_deg.
+double tilt_deg(const ArrayModel::RigidBody& board, schemas::Projection projection) {
+  const Eigen::Vector3d normal = board.pose->world_from_camera_rotation.col(2);
+  Eigen::Vector3d towards = Eigen::Vector3d::UnitZ();
+  if (projection != schemas::Projection::kPinhole) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& corner : board.points_in_body) sum += corner;
+    towards = board.pose->world_from_camera(sum / static_cast<double>(board.points_in_body.size()));
+  }
+  const double cosine = std::abs(normal.dot(towards.normalized()));
+  return std::acos(std::min(cosine, 1.0)) * 180 / std::numbers::pi;
+}
+
 /// Returns the results of each camera without the verdict.
 std::vector<LensCalibration> described(const ArrayModel& model, const BoardViewList& views,
                                        const BundleAdjustmentOptions& bundle) {
@@ -168,9 +181,8 @@ std::vector<LensCalibration> described(const ArrayModel& model, const BoardViewL
     LensCalibration& found = all[views.camera[v]];
     ++found.views;
     if (!model.bodies[v].pose) continue;
-    const double cosine = std::abs(model.bodies[v].pose->world_from_camera_rotation(2, 2));
     found.max_tilt_deg =
-        std::max(found.max_tilt_deg, std::acos(std::min(cosine, 1.0)) * 180 / std::numbers::pi);
+        std::max(found.max_tilt_deg, tilt_deg(model.bodies[v], found.lens.projection));
   }
   return all;
 }

@@ -42,7 +42,9 @@ struct LensCalibration {
   int views = 0, corners = 0, outliers = 0;
   /// share of the cells of a 4x4 grid over the picture that have an inlier
   double image_coverage = 0;
-  double max_tilt_deg = 0;              ///< largest angle between a board and the image plane
+  /// largest tilt of a board: of a pinhole, against the image plane; of a fisheye, which sees
+  /// boards beside it, against the plane that faces the camera at the board's middle
+  double max_tilt_deg = 0;
   std::vector<std::string> reasons;     ///< why it is rejected; empty: it is accepted
   std::vector<std::string> next_steps;  ///< what to record
 };

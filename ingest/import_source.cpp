@@ -20,12 +20,13 @@ bool is_file(const fs::path& path) {
 }
 
 Error unsupported(const fs::path& path, std::string what_happened) {
-  std::string formats;
-  for (const RigFormat* format : rig_formats())
-    formats += ", " + std::string(format->description());
-  return Error::bad_input(
-      std::move(what_happened), path.string(),
-      "Choose an import manifest (\"schema\": \"raystage/import/1\")" + formats);
+  std::string choice = "Choose one of these: import manifest (\"schema\": \"raystage/import/1\")";
+  const auto formats = rig_formats();
+  for (const RigFormat* format : formats) {
+    choice += format == formats.back() ? "; or " : "; ";
+    choice += format->description();
+  }
+  return Error::bad_input(std::move(what_happened), path.string(), std::move(choice));
 }
 
 JsonOutline outline_of(const nlohmann::json& document) {

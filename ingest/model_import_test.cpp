@@ -27,6 +27,7 @@ using nlohmann::json;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 TEST(CameraIds, AreSafeAndUnique) {
   const std::vector<std::string> names{"a/1.jpg", "b/1.jpg", "2.png", "2.jpg",      "2.tif",
@@ -359,6 +360,11 @@ TEST_F(ImportSources, OthersAreRefused) {
     write("f.json", c.text);
     EXPECT_THAT(refusal("f.json"), HasSubstr(c.message)) << c.text;
   }
+  EXPECT_THAT(refusal("f.json"), Not(HasSubstr("one of these")));
+  write("f.json", "{}");
+  EXPECT_THAT(refusal("f.json"),
+              AllOf(HasSubstr("Choose one of these: import manifest"),
+                    HasSubstr("; or rig.json of facebook360_dep and Surround360.")));
   write("sub/readme.txt", "x");
   EXPECT_THAT(refusal("sub"), HasSubstr("the folder has no supported"));
   EXPECT_THAT(refusal("none.json"), HasSubstr("No such file"));

@@ -64,7 +64,8 @@ class GoogleModelsFormat : public RigFormat {
   std::vector<std::string> files() const override { return {"models.json"}; }
   std::vector<std::string> picture_folders() const override { return {""}; }
   bool matches(const JsonOutline& outline) const override {
-    return outline.is_list && outline.has("projection_type");
+    const bool has_pose = outline.has("orientation") && outline.has("position");
+    return outline.is_list && (outline.has("projection_type") || has_pose);
   }
   ForeignRig parse(std::span<const NamedText> files,
                    const PictureSizeReader& size_of_picture) const override;

@@ -119,6 +119,10 @@ TEST(GoogleModels, BadModelsAreRefusedAtThePlace) {
     document[json::json_pointer(c.pointer)] = c.value;
     EXPECT_THAT(rig_refusal("google", {document.dump()}), HasSubstr(c.message)) << c.pointer;
   }
+  json incomplete = {google_camera("camera_0001")};
+  incomplete[0].erase("projection_type");
+  EXPECT_THAT(rig_refusal("google", {incomplete.dump()}),
+              AllOf(HasSubstr("models.json#/0"), HasSubstr("projection_type")));
   EXPECT_THAT(rig_refusal("google", {"[]"}), HasSubstr("models.json"));
   EXPECT_THAT(rig_refusal("google", {"[NaN]"}), HasSubstr("models.json:1"));
 }

@@ -58,7 +58,7 @@ class RigFormat {
   virtual ~RigFormat() = default;
   /// Returns the name by which users choose the format.
   virtual std::string_view name() const = 0;
-  /// Returns what its files are, for the help: "facebook360_dep and Surround360 (rig.json)".
+  /// Returns what its files are, for texts: "rig.json of facebook360_dep and Surround360".
   virtual std::string_view description() const = 0;
   /// Returns the names of its files in a folder; parse() needs all that are not optional.
   virtual std::vector<std::string> files() const = 0;

@@ -135,6 +135,7 @@ TEST(RigFormats, StateWhatTheyDoNotHold) {
 
 TEST(RigFormats, AreKnownByTheirOutline) {
   EXPECT_EQ(detect_rig_format({true, {"name", "projection_type"}})->name(), "google");
+  EXPECT_EQ(detect_rig_format({true, {"orientation", "position"}})->name(), "google");
   EXPECT_EQ(detect_rig_format({false, {"cameras"}})->name(), "facebook360");
   EXPECT_EQ(detect_rig_format({false, {"frames", "cameras"}})->name(), "nerf");
   EXPECT_EQ(detect_rig_format({false, {"schema", "cameras"}}), nullptr);

@@ -97,7 +97,7 @@ bool fit_worse_in_common(const ErrorsByGroup& model, const ErrorsByGroup& other)
 }
 
 std::string_view fit_rank(const ArrayLensModelComparison& comparison, std::size_t fit) {
-  return model_rank(fit == comparison.best, comparison.fits[fit].is_distinct);
+  return model_rank(fit == comparison.best, comparison.fits[fit].is_worse);
 }
 
 }  // namespace
@@ -155,9 +155,9 @@ ArrayLensModelComparison compare_array_lens_models(const Detections& detections,
   std::vector<double> distortions;
   for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
     ArrayLensModelFit& fit = comparison.fits[k];
-    fit.is_distinct =
+    fit.is_worse =
         !fit.failure.empty() || (k != of_least && fit_worse_in_common(errors[k], errors[of_least]));
-    is_worse.push_back(fit.is_distinct);
+    is_worse.push_back(fit.is_worse);
     distortions.push_back(fit.distortion_px);
   }
   comparison.best = simplest_model(is_worse, distortions).value_or(of_least);

@@ -18,7 +18,7 @@ struct ArrayLensModelFit {
   double held_out_rms_px = 0;
   /// Whether the held-out points, or boards, fit it worse than the model with the least error: see
   /// fit_worse().
-  bool is_distinct = false;
+  bool is_worse = false;
   double distortion_px = 0;  ///< RMS displacement of the held-out points by the distortion terms
   std::string failure;       ///< why the model cannot be fitted; empty: it is
 };

@@ -32,7 +32,7 @@ TEST(ArrayLensModels, OfWideLensesAreTold) {
   ASSERT_EQ(found.fits.size(), 4U);
   EXPECT_EQ(found.fits[found.best].projection, Projection::kEquisolid);
   EXPECT_LT(found.fits[found.best].held_out_rms_px, 1);
-  EXPECT_TRUE(found.fits[0].is_distinct) << "a pinhole sees less than a hemisphere";
+  EXPECT_TRUE(found.fits[0].is_worse) << "a pinhole sees less than a hemisphere";
   EXPECT_GT(found.held_out, 120);
   const std::string text = format_array_lens_models(found);
   EXPECT_THAT(text, HasSubstr("equisolid"));
@@ -49,7 +49,7 @@ TEST(ArrayLensModels, OfPinholesArePinholes) {
   const ArrayLensModelComparison found =
       compare_array_lens_models(array.detections, options_of(60));
   EXPECT_EQ(found.fits[found.best].projection, Projection::kPinhole);
-  EXPECT_FALSE(found.fits[0].is_distinct);
+  EXPECT_FALSE(found.fits[0].is_worse);
 }
 
 TEST(ArrayLensModels, NeedDetections) {

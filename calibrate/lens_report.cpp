@@ -19,7 +19,7 @@ using schemas::Projection;
 
 /// Returns how a model compares with the one of the least error.
 std::string_view rank_of(const LensModelComparison& comparison, std::size_t fit) {
-  return model_rank(fit == comparison.best, comparison.fits[fit].is_distinct);
+  return model_rank(fit == comparison.best, comparison.fits[fit].is_worse);
 }
 
 std::string format_comparison(const LensModelComparison& comparison) {

@@ -139,7 +139,7 @@ std::string models_section(std::span<const CameraLens> lenses) {
               ? fmt::format("<td>{:.3f}</td><td>{:.3f}</td><td>{:+.0f}</td><td>{}</td>",
                             fit.held_out_rms_px, fit.rms_px,
                             fit.bic - lens.comparison->best_fit().bic,
-                            model_rank(k == lens.comparison->best, fit.is_distinct))
+                            model_rank(k == lens.comparison->best, fit.is_worse))
               : fmt::format("<td></td><td></td><td></td><td>does not fit: {}</td>",
                             charts::escape_html(fit.failure));
       rows += fmt::format("<tr><td>{}</td><td>{}</td>{}</tr>\n", charts::escape_html(lens.id),

@@ -155,12 +155,10 @@ fs::path find_named_picture(std::span<const fs::path> folders, const std::string
   if (leaves && !may_leave_folders()) {
     throw Error::bad_input(
         fmt::format("the image \"{}\" is named by a path that leaves the folder of the images",
-
                     image),
         place,
         "Name it below that folder, such as \"images/0001.jpg\"; if you trust the file, permit "
-        "that "
-        "links are followed, too")
+        "that links are followed, too")
         .concerning({"images"});
   }
   for (const fs::path& folder : folders) {

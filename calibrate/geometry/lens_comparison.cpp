@@ -166,32 +166,32 @@ LensModelComparison compare_lens_models(const CameraBoardViews& camera,
         .concerning({"board", "square_mm"});
   }
   const auto of_least = static_cast<std::size_t>(least - comparison.fits.begin());
-  std::vector<bool> is_distinct;
+  std::vector<bool> is_worse;
   std::vector<double> distortions;
   for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
     LensModelFit& fit = comparison.fits[k];
-    fit.is_distinct =
+    fit.is_worse =
         held_out[k].empty() || (k != of_least && fit_worse(held_out[k], held_out[of_least]));
-    is_distinct.push_back(fit.is_distinct);
+    is_worse.push_back(fit.is_worse);
     distortions.push_back(fit.distortion_px);
   }
-  comparison.best = simplest_model(is_distinct, distortions).value_or(of_least);
+  comparison.best = simplest_model(is_worse, distortions).value_or(of_least);
   return comparison;
 }
 
 Projection best_common_projection(std::span<const LensModelComparison> cameras) {
   const std::size_t count = compared_projections().size();
-  std::vector<bool> is_distinct(count, false);
+  std::vector<bool> is_worse(count, false);
   std::vector<double> distortions(count, 0), errors(count, 0);
   for (const LensModelComparison& camera : cameras) {
     for (std::size_t k = 0; k < count; ++k) {
-      is_distinct[k] = is_distinct[k] || camera.fits[k].is_distinct;
+      is_worse[k] = is_worse[k] || camera.fits[k].is_worse;
       distortions[k] += camera.fits[k].distortion_px;
       errors[k] += std::pow(camera.fits[k].held_out_rms_px, 2);
     }
   }
   const auto least = static_cast<std::size_t>(std::ranges::min_element(errors) - errors.begin());
-  return compared_projections()[simplest_model(is_distinct, distortions).value_or(least)];
+  return compared_projections()[simplest_model(is_worse, distortions).value_or(least)];
 }
 
 }  // namespace raystage::calibrate

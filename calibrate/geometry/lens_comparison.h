@@ -24,7 +24,7 @@ struct LensModelFit {
   /// lens and board parameters (Schwarz 1978); differences above 10 are strong.
   double bic = 0;
   /// Whether the held-out boards fit it worse than the model with the least error: see fit_worse().
-  bool is_distinct = false;
+  bool is_worse = false;
   double distortion_px = 0;  ///< RMS displacement of the corners by the distortion terms
   std::string failure;       ///< why the model cannot be fitted; empty: it is
 };

@@ -35,14 +35,14 @@ TEST_P(ComparedLensModels, NameTheLensThatRecordedTheBoards) {
   EXPECT_EQ(best.projection, GetParam());
   EXPECT_EQ(best.calibration.lens.projection, GetParam());
   EXPECT_THAT(best.calibration.reasons, ::testing::IsEmpty());
-  EXPECT_FALSE(best.is_distinct);
+  EXPECT_FALSE(best.is_worse);
   EXPECT_NEAR(best.held_out_rms_px, 0.2 * std::sqrt(2.0), 0.03);
   EXPECT_LE(best.rms_px, best.held_out_rms_px + 0.01);
   for (const LensModelFit& fit : compared.fits) {
     SCOPED_TRACE(static_cast<int>(fit.projection));
     // A pinhole does not explain boards beside a fisheye.
     if (fit.projection != Projection::kPinhole || GetParam() == Projection::kPinhole) continue;
-    EXPECT_TRUE(fit.is_distinct);
+    EXPECT_TRUE(fit.is_worse);
     if (!fit.failure.empty()) continue;
     EXPECT_GT(fit.bic, best.bic + 10);
     EXPECT_GT(fit.held_out_rms_px, 2 * best.held_out_rms_px);
@@ -61,14 +61,13 @@ TEST(LensComparison, NeedsBoardsToHoldOut) {
 }
 
 TEST(LensComparison, ChoosesForAllCamerasWhatNoneContradicts) {
-  const auto comparison = [](const std::vector<double>& errors,
-                             const std::vector<bool>& is_distinct) {
+  const auto comparison = [](const std::vector<double>& errors, const std::vector<bool>& is_worse) {
     LensModelComparison result;
     for (std::size_t k = 0; k < errors.size(); ++k) {
       LensModelFit& fit = result.fits.emplace_back();
       fit.projection = compared_projections()[k];
       fit.held_out_rms_px = errors[k];
-      fit.is_distinct = is_distinct[k];
+      fit.is_worse = is_worse[k];
       fit.distortion_px = 10 - static_cast<double>(k);
     }
     return result;

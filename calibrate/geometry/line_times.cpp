@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Decides about the line times of an array from their joint estimate: the common value of cameras
 // with one frame size is the generalised least-squares mean, (1' C^-1 l) / (1' C^-1 1), and
-// chi-squared of the differences from it tells whether cameras differ. Cost: cameras cubed.
+// chi-squared of the differences from it determines whether cameras differ. Cost: cameras cubed.
 #include "calibrate/geometry/line_times.h"
 
 #include <fmt/format.h>

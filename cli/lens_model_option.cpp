@@ -4,17 +4,16 @@
 
 #include <map>
 
+#include "schemas/projection_names.h"
+
 namespace raystage::cli {
 
 Option add_lens_model_options(CommandLine& command, LensModelOption& option, bool may_compare,
                               const std::string& more) {
-  using schemas::Projection;
-  std::map<std::string, LensModelOption::Choice> choices{
-      {"pinhole", {Projection::kPinhole, false}},
-      {"fisheye", {Projection::kFisheye, false}},
-      {"ftheta", {Projection::kFtheta, false}},
-      {"equisolid", {Projection::kEquisolid, false}},
-      {"orthographic", {Projection::kOrthographic, false}}};
+  std::map<std::string, LensModelOption::Choice> choices;
+  for (const schemas::Projection projection : schemas::projections()) {
+    choices[std::string(schemas::name_of(projection))] = {projection, false};
+  }
   if (may_compare) choices["auto"] = {std::nullopt, true};
   command
       .option(

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -15,6 +16,7 @@
 #include "cli/take_event.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
+#include "schemas/projection_names.h"
 #include "schemas/rig_document.h"
 #include "simulate/scene.h"
 
@@ -45,13 +47,11 @@ void add_array_options(CommandLine command, Options& o) {
   command.option("--rotation-deg", s.turn_deg,
                  "Rotation of the array about the vertical axis, counter-clockwise from above, "
                  "degrees, -360 to 360; 0 = viewing direction -z");
-  using schemas::Projection;
-  command.choice("--lens", s.lens,
-                 {{"pinhole", Projection::kPinhole},
-                  {"fisheye", Projection::kFisheye},
-                  {"ftheta", Projection::kFtheta},
-                  {"equisolid", Projection::kEquisolid},
-                  {"orthographic", Projection::kOrthographic}},
+  std::map<std::string, schemas::Projection> lenses;
+  for (const schemas::Projection projection : schemas::projections()) {
+    lenses[std::string(schemas::name_of(projection))] = projection;
+  }
+  command.choice("--lens", s.lens, lenses,
                  "Projection of the lenses; fisheye (OpenCV's) and ftheta are alike "
                  "(default: pinhole)");
   command.option("--fov-deg", s.horizontal_fov_deg,

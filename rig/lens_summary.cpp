@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -47,9 +46,19 @@ std::vector<LensSummary> summarise_lenses(const Rig& rig) {
 }
 
 const char* projection_title(schemas::Projection projection) {
-  constexpr std::array<const char*, 5> kTitles{"pinhole", "fisheye", "f-theta", "equisolid",
-                                               "orthographic"};
-  return kTitles.at(static_cast<std::size_t>(projection));
+  switch (projection) {
+    case schemas::Projection::kPinhole:
+      return "pinhole";
+    case schemas::Projection::kFisheye:
+      return "fisheye";
+    case schemas::Projection::kFtheta:
+      return "f-theta";
+    case schemas::Projection::kEquisolid:
+      return "equisolid";
+    case schemas::Projection::kOrthographic:
+      return "orthographic";
+  }
+  return "";
 }
 
 std::string format_lenses(const std::vector<LensSummary>& lenses) {

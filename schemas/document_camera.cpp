@@ -133,6 +133,15 @@ constexpr Fields kCameraGeometry(required("id", &CameraGeometry::id),
 
 std::string_view name_of(Projection projection) { return kProjectionNames.name(projection); }
 
+std::span<const Projection> projections() {
+  static constexpr auto kAll = [] {
+    std::array<Projection, kProjectionNames.names.size()> all{};
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<Projection>(i);
+    return all;
+  }();
+  return kAll;
+}
+
 CameraGeometry camera_from(const JsonNode& object) {
   return kCameraGeometry.make<CameraGeometry>(object);
 }

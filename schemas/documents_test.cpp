@@ -16,6 +16,7 @@
 #include "schemas/import_manifest.h"
 #include "schemas/imported_depths_document.h"
 #include "schemas/planes_document.h"
+#include "schemas/projection_names.h"
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
@@ -550,6 +551,21 @@ TEST(RigDocument, FisheyesAndRollingShuttersNeedVersion2) {
   EXPECT_EQ(parse_rig(format_rig(rig), "f.json").cameras[0].geometry, rig.cameras[0].geometry);
   document["schema"] = "raystage/rig/1";
   EXPECT_THAT(refusal("rig", document), HasSubstr("unknown property"));
+}
+
+TEST(CameraDocuments, MayHaveEveryProjection) {
+  for (const Projection projection : projections()) {
+    for (const std::string& kind : {std::string("rig"), std::string("import")}) {
+      json document = good(kind);
+      document["schema"] = "raystage/" + kind + "/2";
+      json& lens = document["cameras"][0]["intrinsics"];
+      lens = {{"fx", 30}, {"fy", 30}, {"cx", 16}, {"cy", 12}};
+      lens["projection"] = name_of(projection);
+      EXPECT_EQ(refusal(kind, document), "accepted") << name_of(projection);
+      lens["projection"] = "no " + std::string(name_of(projection));
+      EXPECT_THAT(refusal(kind, document), HasSubstr("intrinsics/projection: found"));
+    }
+  }
 }
 
 TEST(RigDocument, ALensHasOneKindOfDistortion) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <span>
 #include <string_view>
 
 #include "schemas/geometry.h"
@@ -9,5 +10,8 @@ namespace raystage::schemas {
 
 /// Returns the name of a projection in documents, e.g. "ftheta".
 std::string_view name_of(Projection projection);
+
+/// Returns all projections, in the order of the enumerators.
+std::span<const Projection> projections();
 
 }  // namespace raystage::schemas

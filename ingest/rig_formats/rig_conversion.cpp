@@ -6,7 +6,8 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <algorithm>
-#include <array>
+
+#include "schemas/projection_names.h"
 
 namespace raystage::ingest {
 namespace {
@@ -60,14 +61,8 @@ Eigen::Matrix3d opencv_camera_from_world_rotation(const rig::Pose& pose) {
 Error lens_error(const schemas::CameraGeometry& camera, std::string_view why,
                  std::string_view advice) {
   return Error::bad_input(fmt::format("the {} lens cannot be written: {}",
-                                      projection_name(camera.intrinsics.projection), why),
+                                      schemas::name_of(camera.intrinsics.projection), why),
                           fmt::format("camera \"{}\"", camera.id), std::string(advice));
-}
-
-std::string_view projection_name(schemas::Projection projection) {
-  constexpr std::array<std::string_view, 5> kNames{"pinhole", "fisheye", "ftheta", "equisolid",
-                                                   "orthographic"};
-  return kNames.at(static_cast<std::size_t>(projection));
 }
 
 std::vector<std::string> losses_of(const schemas::RigDocument& rig, FormatAbilities abilities) {

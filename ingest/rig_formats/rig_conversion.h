@@ -31,9 +31,6 @@ Eigen::Matrix3d opencv_camera_from_world_rotation(const rig::Pose& pose);
 Error lens_error(const schemas::CameraGeometry& camera, std::string_view why,
                  std::string_view advice);
 
-/// Returns the name of a projection as rig.json has it: "ftheta".
-std::string_view projection_name(schemas::Projection projection);
-
 /// What the files of a format hold beyond lenses and poses.
 struct FormatAbilities {
   bool half_angle = false;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fisheye lenses: OpenCV's cv::fisheye, the f-theta, equisolid and orthographic lenses of
 // facebook360_dep. The end of the distortion is the first root of its derivative; its inverse uses
-// Newton's method within a shrinking bracket. Angles come from atan2, which is accurate from the
-// axis to the opposite direction. Cost: a few iterations per point.
+// Newton's method within a shrinking bracket, and bisects where its steps do not shrink. Angles
+// come from atan2, which is accurate from the axis to the opposite direction. Cost: a few
+// iterations per point.
 #include "rig/fisheye_lens.h"
 
 #include <algorithm>
@@ -16,6 +17,8 @@ namespace {
 
 // Beyond this relative margin a ray is outside: image points at the very end project again.
 constexpr double kEndMargin = 1e-12;
+// Newton's steps below this, relative to the bracket's end, are left to converge.
+constexpr double kSmallStep = 1e-3;
 
 double distorted(const std::array<double, 4>& k, double r) {
   const double s = r * r;
@@ -58,13 +61,17 @@ std::optional<double> FisheyeLens::angle(double distance) const {
   if (!(distance <= largest_distance_ * (1 + kEndMargin))) return std::nullopt;
   double low = 0, high = largest_undistorted_;
   double r = std::min(distance, high);
+  double last_step = high;
   for (int step = 0; step < 200; ++step) {
     const double excess = distorted(distortion_, r) - distance;
     if (excess == 0) break;
     (excess > 0 ? high : low) = r;
     double next = r - excess / distortion_slope(distortion_, r);
-    if (!(next > low && next < high)) next = low + (high - low) / 2;
+    // Large steps that do not shrink alternate about the solution, within the bracket.
+    const bool alternates = std::abs(next - r) > std::max(last_step / 2, kSmallStep * high);
+    if (!(next > low && next < high) || alternates) next = low + (high - low) / 2;
     if (next == r || !(next > low && next < high)) break;
+    last_step = std::abs(next - r);
     r = next;
   }
   return std::min(projection_->angle(r), largest_angle_);

@@ -18,6 +18,7 @@
 #include "calibrate/geometry/lens_comparison.h"
 #include "calibrate/geometry/model_selection.h"
 #include "calibrate/geometry/triangulation.h"
+#include "charts/html_page.h"
 #include "schemas/projection_names.h"
 
 namespace raystage::calibrate {
@@ -199,6 +200,27 @@ std::string format_array_lens_models(const ArrayLensModelComparison& comparison)
                 : "does not fit: " + fit.failure + "\n";
   }
   return text;
+}
+
+std::string lens_models_html(const ArrayLensModelComparison& comparison) {
+  std::string rows;
+  for (std::size_t k = 0; k < comparison.fits.size(); ++k) {
+    const ArrayLensModelFit& fit = comparison.fits[k];
+    rows += fmt::format(
+        "<tr><td>{}</td>{}</tr>\n", compared_model_name(fit.projection),
+        fit.failure.empty()
+            ? fmt::format("<td>{:.3f}</td><td>{}</td>", fit.held_out_rms_px,
+                          fit_rank(comparison, k))
+            : fmt::format("<td></td><td>does not fit: {}</td>", charts::escape_html(fit.failure)));
+  }
+  return charts::html_section(
+      "Lens models",
+      fmt::format("Reprojection error of {} {} that were held out, each once. Of models that these "
+                  "do not distinguish, the pinhole or the one with the least distortion is used.",
+                  comparison.held_out, comparison.are_boards ? "boards" : "points"),
+      "<div class=\"scroll\"><table><thead><tr><th>model</th><th>held out, px RMS</th><th></th>"
+      "</tr></thead><tbody>\n" +
+          rows + "</tbody></table></div>\n");
 }
 
 std::string with_lens_models_json(const std::string& report,

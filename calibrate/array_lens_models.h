@@ -49,6 +49,9 @@ ArrayLensModelComparison compare_track_lens_models(const RecordedTracks& tracks,
 /// Returns a line of text for each model.
 std::string format_array_lens_models(const ArrayLensModelComparison& comparison);
 
+/// Returns a section of a page (calibration_report_html()) with a table of the models.
+std::string lens_models_html(const ArrayLensModelComparison& comparison);
+
 /// Returns a report (calibration_report_json()) with the models as "models".
 std::string with_lens_models_json(const std::string& report,
                                   const ArrayLensModelComparison& comparison);

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "calibrate/geometry/calibration_report.h"
 #include "testing/calibrate/test_fisheyes.h"
 
 namespace raystage::calibrate::array_lens_models_test {
@@ -41,6 +42,13 @@ TEST(ArrayLensModels, OfWideLensesAreTold) {
   EXPECT_EQ(json["a"], 1);
   EXPECT_EQ(json["models"][2]["projection"], "equisolid");
   EXPECT_EQ(json["models"][2]["rank"], "best");
+  const std::string section = lens_models_html(found);
+  EXPECT_THAT(section, HasSubstr(fmt::format("<tr><td>equisolid</td><td>{:.3f}</td><td>best</td>",
+                                             found.fits[2].held_out_rms_px)));
+  EXPECT_THAT(section, HasSubstr(fmt::format("{} points that were held out", found.held_out)));
+  const Calibration calibration =
+      calibrate(array.detections, with_lens_model(options_of(102), 9, Projection::kEquisolid));
+  EXPECT_THAT(calibration_report_html(calibration, "rig.json", section), HasSubstr(section));
 }
 
 TEST(ArrayLensModels, OfPinholesArePinholes) {

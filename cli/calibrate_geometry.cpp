@@ -249,7 +249,9 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
   }
   if (!options.report.empty()) {
     write_file_atomically(options.report,
-                          calibrate::calibration_report_html(calibration, options.output.string()));
+                          calibrate::calibration_report_html(
+                              calibration, options.output.string(),
+                              models ? calibrate::lens_models_html(*models) : std::string()));
   }
   const bool is_sure = calibration.verdict.is_accepted();
   if (!is_sure && !options.force) {

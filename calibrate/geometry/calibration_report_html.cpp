@@ -299,9 +299,11 @@ std::string steps_table(const Calibration& calibration) {
 
 }  // namespace
 
-std::string calibration_report_html(const Calibration& calibration, std::string_view name) {
+std::string calibration_report_html(const Calibration& calibration, std::string_view name,
+                                    std::string_view lens_models) {
   const std::vector<CameraFit> fits = camera_fits(calibration.model);
   std::string body = verdict_list(calibration.verdict) + facts(calibration);
+  body += lens_models;
   body += charts::html_section("The array from behind",
                                "Camera positions; lines show the viewing directions.",
                                array_chart(calibration, 1, "y"));

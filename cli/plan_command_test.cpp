@@ -13,12 +13,14 @@
 #include "schemas/take_document.h"
 #include "testing/cli/test_command.h"
 #include "testing/compose/sequence_test_data.h"
+#include "testing/test_data.h"
 #include "testing/test_folder.h"
 #include "testing/test_paths.h"
 
 namespace raystage::cli {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -243,6 +245,37 @@ TEST_F(PlanCommand, CoverageOfSeveralRigs) {
     return nlohmann::json::parse(result.output)["volumes"][0]["extent_m"][0].get<double>();
   };
   EXPECT_GT(extent(rigs), 1.5 * extent(path("rig.json")));
+}
+
+// All 16 fisheyes of a real rig: listed as text and as JSON, and drawn from four sides.
+TEST_F(PlanCommand, ARealRigIsListedAndDrawn) {
+  const auto real = testing::test_data() / "facebook360" / "rig.json";
+  if (!std::filesystem::exists(real)) GTEST_SKIP() << "no captured data: " << real.string();
+  const auto run = [](const std::string& arguments) {
+    const testing::CommandResult result = testing::run_raystage(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    return result.output;
+  };
+  run("import '" + real.string() + "' --rig-only -o " + path("real.json"));
+  EXPECT_THAT(
+      run("info " + path("real.json")),
+      AllOf(HasSubstr("Cameras     16, 3360 x 2160 pixels"),
+            HasSubstr("Lenses      f-theta, 180 degrees"), HasSubstr("Shutter     global")));
+  const auto json = nlohmann::json::parse(run("info --json " + path("real.json")));
+  ASSERT_EQ(json["cameras"].size(), 16U);
+  for (int i = 0; i < 16; ++i) EXPECT_EQ(json["cameras"][i]["id"], "cam" + std::to_string(i));
+  EXPECT_EQ(json["lenses"].size(), 1U);
+  EXPECT_EQ(json["lenses"][0]["projection"], "f-theta");
+  EXPECT_EQ(json["lenses"][0]["cameras"], 16);
+  EXPECT_EQ(json["shutter"]["kind"], "global");
+
+  run("plan coverage " + path("real.json") +
+      " --view-fov-deg 60 --focal-depth 3 --shares 90 --tolerance-mm 50 --progress none --report " +
+      path("real.html"));
+  const std::string page = read_file(folder_.path() / "real.html");
+  int drawn = 0;
+  for (std::size_t at = 0; (at = page.find("class=\"camera\"", at)) != page.npos; ++at) ++drawn;
+  EXPECT_EQ(drawn, 4 * 16);
 }
 
 TEST_F(PlanCommand, ArrayThatIsNotSufficientOrWrong) {

@@ -342,8 +342,9 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
         writing.report(done);
       });
   printer.finish();
-  print(options.status == "json" ? stderr : stdout, "{}: {}; {}", options.take.string(),
-        session.stop_reason, format_session_summary(session));
+  print(options.status == "json" ? stderr : stdout,
+        format_line("{}: {}; ", options.take.string(), session.stop_reason) +
+            format_session_summary(session));
 
   const ExitCode code = code_of(session);
   const auto event =

@@ -116,7 +116,8 @@ void add_time_options(CommandLine command, Options& o) {
   command.option("--line-time-us", s.line_time_us,
                  "Rolling shutter: time from the exposure of a row to that of the row below, "
                  "microseconds; negative = from the bottom up; 0 = global shutter. The rows of a "
-                 "frame take at most a frame time");
+                 "frame take at most a frame time (default: the line times of --rig, scaled so "
+                 "that read-outs take as long; otherwise 0)");
 }
 
 void add_picture_options(CommandLine command, Options& o) {

@@ -233,7 +233,7 @@ class Simulation {
         archive.append_missing(frame.status, frame.stamped_time);
       } else {
         check_stop(loop);
-        const Exposure exposure{seconds_of(frame.true_time), options_.line_time_us * 1e-6};
+        const Exposure exposure{seconds_of(frame.true_time), camera.line_time_us * 1e-6};
         worker.renderer.render(worker.world, exposure, rays, options_.edge_samples, cache,
                                worker.image);
         const std::uint64_t seed =

@@ -94,12 +94,104 @@ TEST(Simulate, StatesTheLineTimeOfARollingShutter) {
   EXPECT_FALSE(truth.at("nominal_rig").at("cameras").at(0).contains("line_time_us"));
 }
 
+/// A global and a rolling camera, whose pictures are 10 times as large as the simulated ones.
+schemas::RigDocument rolling_rig() {
+  schemas::RigDocument rig;
+  for (const double line_time_us : {0.0, 40.0}) {
+    schemas::CameraGeometry camera;
+    camera.id = line_time_us == 0 ? "global" : "rolling";
+    camera.width = 480;
+    camera.height = 360;
+    camera.intrinsics = {480, 480, 240, 180, {}};
+    camera.world_from_camera = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    camera.line_time_us = line_time_us;
+    rig.cameras.push_back({camera, {}});
+  }
+  return rig;
+}
+
+/// Two takes of moving things by rolling_rig(), the second with this line time.
+class RollingRigTakes {
+ public:
+  RollingRigTakes(bool nominal, double line_time_us) {
+    SimulationOptions options = small_options();
+    options.scene = "stage";
+    options.given_rig = rolling_rig();
+    options.nominal_calibration = nominal;
+    options.mounting_error = options.mounting_error_deg = options.lens_deviation = 0;
+    options.truth_views = 0;
+    simulate(options, folder_.path() / "first", "test");
+    options.line_time_us = line_time_us;
+    simulate(options, folder_.path() / "second", "test");
+  }
+  double line_time_us(const char* take, int camera) const {
+    return store::Take(folder_.path() / take).rig().cameras[camera].line_time_us;
+  }
+  nlohmann::json truth(const char* take) const {
+    return nlohmann::json::parse(read_file(folder_.path() / take / "truth.json"));
+  }
+  /// Whether both takes have the same pictures of a camera.
+  bool are_equal(int camera) const {
+    const store::Take first(folder_.path() / "first"), second(folder_.path() / "second");
+    const auto frames = static_cast<int>(first.archive(camera).frames().size());
+    for (int i = 0; i < frames; ++i) {
+      if (first.archive(camera).jpeg_xxh3(i) != second.archive(camera).jpeg_xxh3(i)) return false;
+    }
+    return true;
+  }
+
+ private:
+  testing::TestFolder folder_;
+};
+
+TEST(Simulate, CamerasOfARigHaveItsLineTimes) {
+  for (const bool nominal : {false, true}) {
+    const RollingRigTakes takes(nominal, 400);
+    EXPECT_EQ(takes.line_time_us("first", 0), 0);
+    EXPECT_DOUBLE_EQ(takes.line_time_us("first", 1), 400);  // of a tenth as many rows
+    EXPECT_EQ(takes.line_time_us("second", 1), nominal ? 0 : 400);
+    for (const char* rig : {"rig", "nominal_rig"}) {
+      const auto cameras = takes.truth("first").at(rig).at("cameras");
+      EXPECT_FALSE(cameras.at(0).contains("line_time_us"));
+      EXPECT_EQ(cameras.at(1).at("line_time_us"), 400);
+    }
+    EXPECT_TRUE(takes.truth("first").at("settings").at("line_time_us").is_null());
+    EXPECT_FALSE(takes.are_equal(0));
+    EXPECT_TRUE(takes.are_equal(1));
+  }
+}
+
+TEST(Simulate, AGivenLineTimeReplacesThoseOfARig) {
+  const RollingRigTakes takes(true, 0);
+  EXPECT_EQ(takes.line_time_us("second", 1), 0);
+  for (const char* rig : {"rig", "nominal_rig"}) {
+    EXPECT_FALSE(takes.truth("second").at(rig).at("cameras").at(1).contains("line_time_us"));
+  }
+  EXPECT_TRUE(takes.are_equal(0));
+  EXPECT_FALSE(takes.are_equal(1));
+}
+
+TEST(Simulate, RowsOfARigTakeAtMostAFrameTime) {
+  SimulationOptions options = small_options();
+  options.given_rig = rolling_rig();
+  std::string reason;
+  EXPECT_TRUE(options.is_valid(&reason)) << reason;
+  options.fps = 1e6 / (360 * 39.0);
+  options.jitter = 0;
+  EXPECT_FALSE(options.is_valid(&reason));
+  EXPECT_NE(reason.find("line time of camera rolling (us)"), std::string::npos) << reason;
+  options.line_time_us = 389;  // of 36 rows
+  EXPECT_TRUE(options.is_valid(&reason)) << reason;
+  options.line_time_us = 391;
+  EXPECT_FALSE(options.is_valid(&reason));
+}
+
 TEST(Simulate, RowsTakeAtMostAFrameTime) {
   SimulationOptions options = small_options();
   std::string reason;
   options.line_time_us = -1e6 / options.fps / options.height;
   EXPECT_TRUE(options.is_valid(&reason));
-  options.line_time_us *= 1.01;
+  *options.line_time_us *= 1.01;
   EXPECT_FALSE(options.is_valid(&reason));
   EXPECT_NE(reason.find("line time (us)"), std::string::npos) << reason;
 }

@@ -98,6 +98,7 @@ schemas::RigDocument given_design(const SimulationOptions& s) {
                            &geometry.intrinsics.cx, &geometry.intrinsics.cy}) {
       *length *= scale;
     }
+    geometry.line_time_us = s.line_time_us ? 0 : geometry.line_time_us / scale;
     rig::Pose pose = rig::pose_from_matrix(geometry.world_from_camera);
     pose.position = of_array.world_from_camera(pose.position);
     pose.world_from_camera_rotation =
@@ -127,7 +128,7 @@ SimulatedRig make_simulated_rig(const SimulationOptions& s) {
           Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
     }
     geometry.world_from_camera = rig::matrix_from_pose(pose);
-    geometry.line_time_us = s.line_time_us;
+    geometry.line_time_us = s.line_time_us.value_or(geometry.line_time_us);
     HashRandom lens{s.seed, kLensSalt, index};
     schemas::Intrinsics& intrinsics = geometry.intrinsics;
     const double longer = 1 + s.lens_deviation * 0.003 * lens.normal();

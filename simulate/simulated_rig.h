@@ -7,8 +7,10 @@
 
 namespace raystage::simulate {
 
-/// The simulated array as designed (`nominal`, without line times) and as built (`truth`). Cameras
-/// are named "rRcC": row 0 is the top row, column 0 is on the left as seen from behind.
+/// The simulated array as designed (`nominal`) and as built (`truth`). Line times of a given rig
+/// are in both; SimulationOptions::line_time_us replaces them in the truth, and the design then has
+/// none. Cameras are named "rRcC": row 0 is the top row, column 0 is on the left as seen from
+/// behind.
 struct SimulatedRig {
   schemas::RigDocument nominal, truth;
 };

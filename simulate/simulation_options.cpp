@@ -12,6 +12,24 @@
 namespace raystage::simulate {
 namespace {
 
+/// Returns whether the rows of every frame are exposed within a frame time.
+bool rows_fit_a_frame(const SimulationOptions& s, std::string* reason) {
+  const double frame_us = 1e6 / s.fps;
+  if (!s.given_rig) {
+    const double most = frame_us / s.height;
+    return is_within("line time (us)", s.line_time_us.value_or(0), -most, most, reason);
+  }
+  return std::ranges::all_of(s.given_rig->cameras, [&](const auto& camera) {
+    const schemas::CameraGeometry& geometry = camera.geometry;
+    // Pictures are scaled to `width`; the read-out of a given line time is not.
+    const double rows = static_cast<double>(geometry.height) *
+                        (s.line_time_us ? static_cast<double>(s.width) / geometry.width : 1);
+    const std::string name = fmt::format("line time of camera {} (us)", geometry.id);
+    return is_within(name, s.line_time_us.value_or(geometry.line_time_us), -frame_us / rows,
+                     frame_us / rows, reason);
+  });
+}
+
 bool is_square(const char* name, int value, std::string* reason) {
   if (!is_within(name, value, 1, 256, reason)) return false;
   const int side = static_cast<int>(std::lround(std::sqrt(value)));
@@ -60,8 +78,7 @@ bool SimulationOptions::is_valid(std::string* reason) const {
          within("clock offset (s)", clock_offset, 0, 10) &&
          within("cameras per node", cameras_per_node, 1, 10000) &&
          within("start-up loss (s)", startup_loss_s, 0, seconds) &&
-         within("drop probability", drop_probability, 0, 0.99) &&
-         within("line time (us)", line_time_us, -1e6 / fps / height, 1e6 / fps / height) &&
+         within("drop probability", drop_probability, 0, 0.99) && rows_fit_a_frame(*this, reason) &&
          within("noise", noise, 0, 1) && is_square("samples at edges", edge_samples, reason) &&
          is_square("samples of the truth", truth_samples, reason) &&
          within("truth views", truth_views, 0, 10000) &&

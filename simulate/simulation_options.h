@@ -64,8 +64,9 @@ struct SimulationOptions {
   double startup_loss_s = 0.5;     ///< frames before this time are lost
   double drop_probability = 0.01;  ///< of a later frame
   /// From the exposure of a row to that of the row below, microseconds, as in rig.json; the
-  /// read-out of a frame takes at most one frame time.
-  double line_time_us = 0;
+  /// read-out of a frame takes at most one frame time. nullopt: those of the given rig, whose
+  /// read-outs take as long in the scaled pictures; 0 of a grid.
+  std::optional<double> line_time_us = std::nullopt;
 
   // Pictures.
   /// Lamps are kHighlights times as bright, so that the stage spans about 14 stops. Targets, whose

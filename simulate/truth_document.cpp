@@ -44,7 +44,7 @@ ordered_json settings_json(const SimulationOptions& s) {
           {"cameras_per_node", s.cameras_per_node},
           {"start_up_loss_s", s.startup_loss_s},
           {"drop_probability", s.drop_probability},
-          {"line_time_us", s.line_time_us},
+          {"line_time_us", s.line_time_us ? ordered_json(*s.line_time_us) : ordered_json()},
           {"hdr", s.hdr},
           {"bits", s.records_half ? 16 : 8},
           {"noise", s.noise},

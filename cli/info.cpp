@@ -22,6 +22,7 @@
 #include "cli/info_rig.h"
 #include "cli/printing.h"
 #include "cli/shutter_text.h"
+#include "rig/line_time_check.h"
 #include "schemas/former_names.h"
 #include "schemas/imported_depths_document.h"
 #include "schemas/json_text.h"
@@ -331,6 +332,12 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
   line("Colour", document.color_space);
   line("Clock", fmt::format("{}; time stamps mark {}", document.clock, document.timestamp_event));
   line("Shutter", shutter_text(summary.shutters));
+  if (most.frames > 1) {
+    if (const auto error = rig::line_time_error(take.rig(), {}, summary.fps,
+                                                (take.folder() / "rig.json").string())) {
+      print("  {}\n", error->what());
+    }
+  }
   const bool has_jpeg = count_of(summary, [](const Camera& c) { return !c.pixels; }) > 0;
   if (has_jpeg) line("JPEG", restart_markers(summary));
   if (const std::string text = deep_pixels(summary); !text.empty()) line("Pixels", text);
@@ -421,14 +428,6 @@ Json json_of(const Camera& camera) {
   return json;
 }
 
-Json json_of(const store::ShutterSummary& shutters) {
-  if (shutters.is_global()) return {{"kind", "global"}, {"rolling_cameras", 0}};
-  return {{"kind", "rolling"},
-          {"rolling_cameras", shutters.rolling},
-          {"line_time_us", {shutters.min_line_time_us, shutters.max_line_time_us}},
-          {"read_out_ms", {shutters.min_read_out_ms, shutters.max_read_out_ms}}};
-}
-
 void print_json(const store::Take& take, const store::TakeSummary& summary) {
   const schemas::TakeDocument& document = take.document();
   Json cameras = Json::array();
@@ -445,7 +444,7 @@ void print_json(const store::Take& take, const store::TakeSummary& summary) {
             {"color_space", document.color_space},
             {"clock", document.clock},
             {"timestamp_event", document.timestamp_event},
-            {"shutter", json_of(summary.shutters)},
+            {"shutter", shutters_as_json(summary.shutters)},
             {"scale", document.arbitrary_scale ? "arbitrary" : "metres"},
             {"nominal_fps", document.nominal_fps},
             {"fps", summary.fps},

@@ -7,7 +7,7 @@ namespace raystage::rig {
 
 /// A projection of a lens without distortion that is symmetric about its axis: how the angle
 /// between a ray and the axis, radians, becomes a distance from the principal point, focal lengths.
-/// To add a projection: one file that implements this, and a line in radial_projection.cpp.
+/// To add a projection: a file that implements this, and what README.md of this folder lists.
 class RadialProjection {
  public:
   virtual ~RadialProjection() = default;

@@ -129,8 +129,8 @@ TEST(LightTakes, ShowTheLineTime) {
   const TrackCalibration found = calibrate_from_tracks(tracks, settings);
   const LineTimes::Camera& line = found.calibration.line_times.cameras.front();
   EXPECT_EQ(line.source, LineTimes::Source::kFoundCommon);
-  EXPECT_NEAR(line.us, options.line_time_us, 0.03 * options.line_time_us);
-  EXPECT_LT(line.deviation_us, 0.03 * options.line_time_us);
+  EXPECT_NEAR(line.us, *options.line_time_us, 0.03 * *options.line_time_us);
+  EXPECT_LT(line.deviation_us, 0.03 * *options.line_time_us);
   EXPECT_TRUE(found.calibration.verdict.is_accepted());
 }
 

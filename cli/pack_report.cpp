@@ -10,6 +10,7 @@
 #include "cli/printing.h"
 #include "cli/take_event.h"
 #include "cli/threads.h"
+#include "schemas/json_text.h"
 
 namespace raystage::cli {
 namespace {
@@ -77,7 +78,7 @@ void print_json(const PackCommandOptions& options, const store::PackReport& repo
     entry.update(json_of(camera));
     json["cameras"].push_back(std::move(entry));
   }
-  print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+  print("{}\n", schemas::dump_json(json));
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "cli/take_event.h"
 #include "cli/threads.h"
 #include "cli/view_loss.h"
+#include "schemas/json_text.h"
 #include "store/packing/pack_temporal.h"
 
 namespace raystage::cli {
@@ -127,7 +128,7 @@ void print_json(const PackCommandOptions& common, References references,
     entry.update(json_of(camera));
     json["cameras"].push_back(std::move(entry));
   }
-  print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+  print("{}\n", schemas::dump_json(json));
 }
 
 std::string decibels(double psnr) {

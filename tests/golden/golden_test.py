@@ -30,9 +30,10 @@ BIN = pathlib.Path(os.environ["RAYSTAGE_BIN_DIR"])
 MEAN_TOLERANCE, MAX_TOLERANCE = 0.5, 4  # of 255, on the sRGB curve: libraries of JPEG and kernels round differently
 WRITTEN = {"versions.json", "picture.png", "SHA256SUMS"}
 # Kinds of documents that are part of a take or of the shot that renders it.
-KINDS = {"take", "rig", "shot", "recording", "views", "event"}
+KINDS = {"take", "rig", "shot", "recording", "views", "event", "imported_depths"}
 # Codecs of archives (docs/formats/archive.md).
-FORMS = {b"V_MJPEG": "JPEG", b"V_JPEGXL": "packed", b"V_JPEGXL/PICTURE": "pictures", b"V_MPEGH/ISO/HEVC": "HEVC", b"V_AV1": "AV1"}
+FORMS = {b"V_MJPEG": "JPEG", b"V_JPEGXL": "packed", b"V_JPEGXL/PICTURE": "pictures", b"V_MPEGH/ISO/HEVC": "HEVC", b"V_AV1": "AV1",
+         b"V_MPEGH/ISO/HEVC/CAMERAS": "HEVC across cameras", b"V_AV1/CAMERAS": "AV1 across cameras"}
 
 
 def output_of(*command: object, stdin: bytes | None = None) -> bytes:
@@ -82,7 +83,7 @@ def versions_of(folder: pathlib.Path) -> dict[str, list[int] | list[str]]:
             found.setdefault("manifest", set()).add(data.split(b"\n", 1)[0].decode())
         elif file.suffix == ".mkv":
             head = data[:data.index(bytes.fromhex("1f43b675"))]  # up to the first Cluster
-            form = FORMS[max((codec for codec in FORMS if codec in head), key=len)]
+            form = FORMS[re.search(rb"V_[A-Z0-9/]+", head)[0]]
             # DefaultDuration, or the Void of 12 bytes that becomes it.
             has_space = bytes.fromhex("23e383") in head or bytes.fromhex("ec0100000000000003") in head
             found.setdefault("archive", set()).add(f"{form}, {'with' if has_space else 'without'} space for the frame rate")
@@ -100,6 +101,8 @@ def versions_in_source() -> dict[str, set]:
         kind, version = json.loads(file.read_text())["$id"].split("/")[1:]
         if kind in KINDS:
             found.setdefault(kind, set()).add(int(version))
+    codecs = re.findall(r'CodecName\{FrameCodec::\w+,\s*"([^"]+)"\}', (SOURCE / "store/matroska.cpp").read_text())
+    assert {codec.encode() for codec in codecs} == FORMS.keys(), f"store/matroska.cpp has the codecs {codecs}"
     found["archive"] = {"JPEG, without space for the frame rate", "JPEG, with space for the frame rate",
                         *(f"{form}, with space for the frame rate" for form in FORMS.values())}
     first_line = re.search(r'"(# raystage/manifest/[0-9]+)"', (SOURCE / "store/fixity/manifest.cpp").read_text())

@@ -78,7 +78,7 @@ void print_json(const PackCommandOptions& options, const store::PackReport& repo
     entry.update(json_of(camera));
     json["cameras"].push_back(std::move(entry));
   }
-  print("{}\n", schemas::dump_json(json));
+  print(schemas::dump_json(json) + "\n");
 }
 
 }  // namespace

@@ -128,7 +128,7 @@ void print_json(const PackCommandOptions& common, References references,
     entry.update(json_of(camera));
     json["cameras"].push_back(std::move(entry));
   }
-  print("{}\n", schemas::dump_json(json));
+  print(schemas::dump_json(json) + "\n");
 }
 
 std::string decibels(double psnr) {

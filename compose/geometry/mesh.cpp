@@ -51,9 +51,9 @@ EmbeddedImages embedded_images(std::vector<meshes::DecodedScene::Image> images,
 /// too. The user's permission to follow links includes textures that are outside.
 ContainedPath texture_below(const std::filesystem::path& folder, const std::string& name) {
   namespace fs = std::filesystem;
-  const fs::path path = (folder / name).lexically_normal();
+  const fs::path path = fs::absolute(folder / name).lexically_normal();
   if (permits_links() && path.has_filename()) return {path.parent_path(), path.filename()};
-  return {folder, fs::absolute(path).lexically_relative(fs::absolute(folder).lexically_normal())};
+  return {folder, path.lexically_relative(fs::absolute(folder).lexically_normal())};
 }
 
 Material material_from(const meshes::DecodedScene::Material& from, const EmbeddedImages& images,
@@ -63,7 +63,9 @@ Material material_from(const meshes::DecodedScene::Material& from, const Embedde
   if (from.image != meshes::DecodedScene::kNone) {
     material.embedded_texture = images[from.image];
   } else if (!from.texture.empty()) {
-    material.texture = texture_below(file.parent_path(), from.texture);
+    // A name without a folder is in the current one.
+    const std::filesystem::path folder = file.parent_path().empty() ? "." : file.parent_path();
+    material.texture = texture_below(folder, from.texture);
   }
   if (from.metallic >= 0.5F) {
     material.kind =

@@ -84,11 +84,16 @@ class MeshTextures : public ::testing::TestWithParam<std::size_t> {
   void TearDown() override { unsetenv(kFollowLinksVariable); }
   /// Returns the error of a layer whose mesh has a texture of this name, or "none".
   std::string refusal(const std::string& texture) {
+    return refusal(texture, "set/", folder_.path());
+  }
+  /// `prefix`: of the mesh's path, relative to `base`.
+  std::string refusal(const std::string& texture, const std::string& prefix,
+                      const std::filesystem::path& base) {
     schemas::ShotDocument::Geometry geometry;
-    geometry.file = "set/" + formats()[GetParam()].write(set_, texture);
+    geometry.file = prefix + formats()[GetParam()].write(set_, texture);
     Textures textures(1 << 20, 1 << 20);
     try {
-      const GeometryLayer layer(geometry, {24, 1}, folder_.path(), "shot.json#/layers/0", textures);
+      const GeometryLayer layer(geometry, {24, 1}, base, "shot.json#/layers/0", textures);
       EXPECT_TRUE(textures.is_used()) << "the mesh has no texture";
       return "none";
     } catch (const Error& error) {
@@ -106,6 +111,16 @@ TEST_P(MeshTextures, BelowTheMeshAreRead) {
         (set_ / "maps/wood.png").string()}) {
     EXPECT_EQ(refusal(texture), "none") << texture;
   }
+}
+
+TEST_P(MeshTextures, NextToAMeshInTheCurrentFolderAreRead) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(set_);
+  EXPECT_EQ(refusal("wood.png", "", ""), "none");
+  EXPECT_THAT(refusal("../secret.png", "", ""), HasSubstr("leaves its folder"));
+  EXPECT_EQ(setenv(kFollowLinksVariable, "1", 1), 0);
+  EXPECT_EQ(refusal("wood.png", "", ""), "none");
+  std::filesystem::current_path(before);
 }
 
 TEST_P(MeshTextures, ElsewhereAreRefused) {

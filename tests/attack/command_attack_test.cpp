@@ -58,7 +58,8 @@ void expect_finite(const images::ExrReader& reader, const fs::path& file,
 
 /// Expects that no text says what only faults of ours or of the disk say.
 void expect_named_fault(const std::string& err) {
-  for (const char* text : {": unexpected: ", "Please report", "Check the free space"}) {
+  for (const char* text :
+       {": unexpected: ", "Please report", "Check the free space", "filesystem error"}) {
     EXPECT_EQ(err.find(text), std::string::npos) << err;
   }
 }

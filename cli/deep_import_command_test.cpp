@@ -184,6 +184,20 @@ TEST_F(DeepImportCommand, RgbMovieOf10BitsKeepsEveryCode) {
   EXPECT_EQ(distinct(samples), 1024U);
 }
 
+TEST_F(DeepImportCommand, GreyMovieOf10BitsKeepsEveryCode) {
+  std::vector<std::uint16_t> codes;
+  for (std::size_t i = 0; i < kPixels * kFrames; ++i) codes.push_back(random_() % 1024);
+  ASSERT_NO_FATAL_FAILURE(encode(raw_bytes(codes), "gray10le", "-c:v ffv1", "a.mkv"));
+  const std::vector<std::uint16_t> samples =
+      samples_of(import("take", {{"movie", "a.mkv"}}, "srgb_texture"));
+  ASSERT_EQ(samples.size(), 3 * codes.size());
+  int different = 0;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    different += std::lround(samples[i] * 1023.0 / 4095) == codes[i / 3] ? 0 : 1;
+  }
+  EXPECT_EQ(different, 0);
+}
+
 /// Light from 0.2 to 0.23 along the rows, to 40 times as much down the columns.
 std::vector<float> ramps() {
   std::vector<float> planes(3 * kPixels);

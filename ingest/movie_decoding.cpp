@@ -160,7 +160,10 @@ void MovieDecoder::State::convert(AVPixelFormat target, std::uint8_t* values, in
       SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP | SWS_BITEXACT,
       nullptr, nullptr, nullptr));
   if (!scaler) throw damaged("its pixel format cannot be converted to RGB");
-  const bool full_range = picture->color_range == AVCOL_RANGE_JPEG ||
+  // Grey has the range of RGB unless it states another, as in FFmpeg.
+  const bool is_full_grey =
+      av_pix_fmt_desc_get(source)->nb_components < 3 && picture->color_range != AVCOL_RANGE_MPEG;
+  const bool full_range = picture->color_range == AVCOL_RANGE_JPEG || is_full_grey ||
                           source == AV_PIX_FMT_YUVJ420P || source == AV_PIX_FMT_YUVJ422P ||
                           source == AV_PIX_FMT_YUVJ444P || source == AV_PIX_FMT_YUVJ440P;
   const int matrix =

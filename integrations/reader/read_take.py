@@ -92,7 +92,7 @@ def read_journal(data, name):
     magic, version, step = struct.unpack_from("<8sII", data.ljust(16))
     require(magic == b"RAYSJRNL" and (version, step) in ((1, 32), (2, 48)), f"{name}: not a journal of version 1 or 2")
     for at, record in ((at, data[at:at + step]) for at in range(64, len(data) - step + 1, step)):
-        if version == 1 or crc24(record[:21] + bytes(3) + record[24:]) == int.from_bytes(record[21:24], "little"):
+        if version == 1 and record[20] < 11 or crc24(record[:21] + bytes(3) + record[24:]) == int.from_bytes(record[21:24], "little"):
             time, offset, size, status, _, digest, arrival, sequence = struct.unpack("<qQIB3sQqQ", record.ljust(48, b"\0"))
             yield time, offset, size, status, digest, None if version == 1 or arrival == -2**63 else arrival, sequence
         else:
@@ -113,9 +113,8 @@ class Take:
             for time, offset, size, status, digest, arrival, sequence in read_journal(journal, files[1]) if journal else ():
                 record = {"time_ns": time, "status": status, "reason": STATUS[status], "arrival_ns": arrival, "sequence": sequence}
                 if status in (0, 10):
-                    is_intact = offset + size <= len(archive) and xxh3(archive[offset:offset + size]) in (digest, None)
-                    record.update(offset=offset, size=size, xxh3=f"{digest:016x}", intact=is_intact)
-                    record["is_block"] = blocks.pop(offset, None) == (size, time)
+                    record.update(offset=offset, size=size, xxh3=f"{digest:016x}", is_block=blocks.pop(offset, None) == (size, time))
+                    record["intact"] = offset + size <= len(archive) and xxh3(archive[offset:offset + size]) in (digest, None)
                 (frames if status in (0, 10) else gaps).append(record)
             frames += [{"time_ns": time, "offset": offset, "size": size, "intact": None} for offset, (size, time) in blocks.items()]
             self.bytes.append(archive)
@@ -142,7 +141,8 @@ class Take:
         if pixels:
             kind, sample, step = ("ppm", "u2", 1) if pixels["samples"] == "integer" else ("pfm", "f4", -1)  # PFM: rows from the bottom up
             _, _, most, data = decoded_by_djxl(self.frame(camera, index), "frame." + kind).split(b"\n", 3)
-            values = np.frombuffer(data, ("<" if most[:1] == b"-" else ">") + sample).reshape(*size, 3)[::step] / abs(float(most))
+            values = np.frombuffer(data, ("<" if most[:1] == b"-" else ">") + sample).reshape(*size, 3)[::step]
+            values = values / (65535 if pixels["samples"] == "integer" and values.max() > float(most) else abs(float(most)))  # of djxl 0.7
             return SRGB[1](values) if pixels["transfer"] == "srgb" else values
         command = "ffmpeg -v error -f mjpeg -i pipe:0 -sws_flags bicubic+accurate_rnd+full_chroma_int -pix_fmt rgb24 -f rawvideo -"
         decoded = subprocess.run(command.split(), input=self.frame(camera, index), check=True, stdout=subprocess.PIPE).stdout
@@ -236,8 +236,8 @@ def focal_plane_picture(take, view, depth):
     rig, k, pose = take.rig["cameras"], view["intrinsics"], np.array(view["world_from_camera"])
     poses = np.array([camera["world_from_camera"] for camera in rig])
     centres, axis = poses[:, :3, 3], -poses[:, :3, 2].sum(axis=0) / np.linalg.norm(poses[:, :3, 2].sum(axis=0))
-    require(take.timeline and "distortion" not in k and np.linalg.norm(poses[:, :3, 2].sum(axis=0)) >= 0.8 * len(rig),
-            "views need a timeline, no lens distortion, and an array that does not look outwards")
+    is_flat = "distortion" not in k and np.linalg.norm(poses[:, :3, 2].sum(axis=0)) >= 0.8 * len(rig)
+    require(take.timeline and is_flat, "views need a timeline, no lens distortion, and an array that does not look outwards")
     frames = [row[np.argmin(abs(np.array(take.timeline["ticks_ns"]) - view["time_ns"]))] for row in take.timeline["frames"]]
     present = [i for i, frame in enumerate(frames) if frame >= 0 and take.cameras[i]["frames"][frame]["intact"] is not False]
     is_grid = take.rig.get("topology") != "delaunay" and all("row" in rig[i] for i in present)
@@ -276,7 +276,7 @@ def focal_plane_picture(take, view, depth):
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Lists every frame, time and gap of a take, and renders a picture of a focal plane.")
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("take", type=pathlib.Path, help="folder of the take")
     parser.add_argument("-o", "--output", type=pathlib.Path, required=True, help="folder for take.json, picture.exr, CAMERA.INDEX.jpg")
     parser.add_argument("--views", type=pathlib.Path, help="document raystage/views/1, of whose first view a picture is rendered")

@@ -297,6 +297,23 @@ class Reader(unittest.TestCase):
         self.assertEqual((pixels["samples"], pixels["bits"], pixels["transfer"]), ("integer", 16, "srgb"))
         self.compare_pictures(take, min)
 
+    def test_light_of_a_movie_of_10_bits_is_ours(self) -> None:
+        source = self.root / "movies"
+        source.mkdir()
+        rig = json.loads((self.take / "rig.json").read_text())
+        camera = {name: value for name, value in rig["cameras"][0].items() if name != "photometric"}
+        command = ["ffmpeg", "-v", "error", "-nostdin", "-f", "lavfi", "-i", f"color=white:size={camera['width']}x{camera['height']}:rate=10",
+                   "-frames:v", "2", "-c:v", "ffv1", "-pix_fmt", "gbrp10le", source / "a.mkv"]
+        subprocess.run(command, check=True)
+        manifest = {"schema": "raystage/import/1", "name": "white", "epoch_utc": "2026-01-01T00:00:00Z", "nominal_fps": 10,
+                    "color_space": "srgb_texture", "cameras": [{**camera, "movie": "a.mkv"}]}
+        (source / "import.json").write_text(json.dumps(manifest))
+        raystage("import", "-q", source / "import.json", "-o", self.root / "white")
+        sys.path.insert(0, str(READER.parent))
+        import read_take
+        light = read_take.Take(self.root / "white").light(0, 0)
+        self.assertLess(abs(light - 1).max(), 0.01, "white is 1020 of 1023")
+
     def test_the_picture_of_an_exact_grid_agrees(self) -> None:
         take = self.simulate("exact", "--mounting-mm", 0, "--seed", 5)
         self.compare_pictures(take)

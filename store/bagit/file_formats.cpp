@@ -88,7 +88,7 @@ std::string file_formats_as_csv() {
         &kManifestFormat, &kSignatureFormat, &kPngFormat, &kOtherFormat}) {
     csv += fmt::format("{},{},{},{},{}\r\n", csv_field(format->files), csv_field(format->name),
                        csv_field(format->version),
-                       format->pronom.empty() ? "none registered" : format->pronom,
+                       csv_field(format->pronom.empty() ? "none registered" : format->pronom),
                        csv_field(format->page));
   }
   return csv;

@@ -189,7 +189,7 @@ class BagWriter {
     require_not_stopped();
     schemas::TakeEvent event = new_event();
     event.type = "fixity check";
-    event.detail = "bag: the copy of every frame compared with its XXH3";
+    event.detail = "bag: the copy of every frame and imported depth map compared with its XXH3";
     if (found.is_readable() && found.is_intact()) {
       require_manifest_fits();
       event.note = "intact";
@@ -201,7 +201,8 @@ class BagWriter {
     if (options_.on_damage) options_.on_damage(make_event(take_.folder(), event));
     throw Error::bad_input("the take is damaged or not closed, and no bag was written",
                            take_.folder().string(),
-                           "See what is wrong by `raystage verify`, and run `raystage repair`");
+                           "See what is wrong by `raystage verify`, and run `raystage repair`, or "
+                           "restore the files from a copy");
   }
 
   /// Throws Error (bad input) if the take has a manifest of other files than the copied ones.
@@ -222,7 +223,9 @@ class BagWriter {
       if (found == copied.end() || found->second != file.sha256) different = file.path;
       if (found != copied.end()) copied.erase(found);
     }
-    if (different.empty() && !copied.empty()) different = copied.begin()->first;
+    if (different.empty() && !copied.empty()) {
+      different = fs::path(copied.begin()->first).lexically_relative("data").string();
+    }
     if (different.empty()) return;
     throw Error::bad_input("the take is not as its manifest states, for example " + different,
                            (take_.folder() / kManifestFile).string(),

@@ -245,7 +245,7 @@ DepthMaps depth_maps_of(const store::Take& take) {
   }
   const ContainedPath list = take.file(ImportedDepths::kFile);
   try {
-    if (file_exists(list.path())) {
+    if (exists(list)) {
       maps.imported = schemas::parse_imported_depths(read_file(list), list.path().string());
     }
   } catch (const Error& failure) {
@@ -335,7 +335,7 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
   if (most.frames > 1) {
     if (const auto error = rig::line_time_error(take.rig(), {}, summary.fps,
                                                 (take.folder() / "rig.json").string())) {
-      print("  {}\n", error->what());
+      line("Warning", error->what());
     }
   }
   const bool has_jpeg = count_of(summary, [](const Camera& c) { return !c.pixels; }) > 0;

@@ -12,6 +12,7 @@
 #include <span>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/mapped_file.h"
 #include "render/depth/depth_file.h"
@@ -37,8 +38,7 @@ std::uint64_t number_from_hex(std::string_view digits) {
 
 ImportedDocument read_imported_depths(const store::Take& take) {
   const ContainedPath file = take.file(ImportedDocument::kFile);
-  std::error_code error;
-  if (!fs::exists(fs::symlink_status(file.path(), error))) return {};
+  if (!exists(file)) return {};
   return schemas::parse_imported_depths(read_file(file), file.path().string());
 }
 

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <xxhash.h>
 
+#include <string>
+
 #include "base/atomic_file.h"
 #include "base/contained_path.h"
 #include "base/error.h"
@@ -55,6 +57,11 @@ std::vector<FixityProblem> verify_imported_depths(const Take& take,
   for (const Document::Camera& camera : document.cameras) {
     for (const Document::Map& map : camera.maps) {
       if (options.stop.stop_requested()) return problems;
+      if (problems.size() == kMaxProblems) {
+        problems.back().what = "more than " + std::to_string(kMaxProblems - 1) +
+                               " depth maps are missing or damaged; the rest was not checked";
+        return problems;
+      }
       const fs::path file = fs::path(Document::kFolder) / map.file;
       try {
         const std::string fault = fault_of(take, map, options);

@@ -157,7 +157,7 @@ void check_line_times(const store::Take& take, const store::Timeline& timeline, 
                                           (take.folder() / "rig.json").string());
   if (!error) return;
   if (moves_rows) throw *error;
-  print_error("raystage sync: {}\n", error->what());
+  print_error("raystage sync: warning: {}\n", error->what());
 }
 
 void say_what_is_elsewhere(const store::Take& take) {

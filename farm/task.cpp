@@ -105,11 +105,13 @@ class ProgressFile {
   }
 
  private:
-  /// Fails silently: only `status` reads it. A link, and a pipe that nobody reads, are not opened.
+  /// Fails silently: only `status` reads it. Links, pipes and devices are left alone.
   void write(const std::string& text) const {
-    constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
+    constexpr int kFlags = O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
     const FileDescriptor file(::open(file_.c_str(), kFlags, 0666));
-    if (!file.open()) return;
+    struct stat status {};
+    if (!file.open() || fstat(file.number(), &status) != 0 || !S_ISREG(status.st_mode)) return;
+    if (ftruncate(file.number(), 0) != 0) return;
     [[maybe_unused]] const ssize_t written = ::write(file.number(), text.data(), text.size());
   }
 

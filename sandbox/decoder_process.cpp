@@ -173,8 +173,10 @@ class DecoderProcess::Exchange {
                             : fmt::format(", half of this machine's; up to {} MB are granted for "
                                           "pictures of this size where there is more",
                                           options_.wanted_memory_bytes / kMegabyte)),
-            "The file is larger than memory allows, or damaged: make it smaller, or grant "
-            "more memory");
+            options_.wanted_memory_bytes == 0
+                ? "The file is larger than memory allows, or damaged: make it smaller, or grant "
+                  "more memory"
+                : "The file is damaged, or needs a machine, or a control group, with more memory");
       }
       default:
         break;

@@ -23,7 +23,7 @@ struct BoardView {
 };
 
 /// Returns the pose of the board in the camera (camera_from_board: x right and y up on the board);
-/// none with fewer than four corners. A fisheye may see the board beside or behind it.
+/// none with fewer than four corners. A fisheye may see the board to its side or behind it.
 std::optional<rig::Pose> estimate_board_pose(const BoardView& view, const rig::CameraModel& lens);
 
 struct LensCalibrationOptions {
@@ -43,7 +43,7 @@ struct LensCalibration {
   /// share of the cells of a 4x4 grid over the picture that have an inlier
   double image_coverage = 0;
   /// largest tilt of a board: of a pinhole, against the image plane; of a fisheye, which sees
-  /// boards beside it, against the plane that faces the camera at the board's middle
+  /// boards to its side, against the plane that faces the camera at the board's middle
   double max_tilt_deg = 0;
   std::vector<std::string> reasons;     ///< why it is rejected; empty: it is accepted
   std::vector<std::string> next_steps;  ///< what to record

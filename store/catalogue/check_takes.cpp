@@ -13,6 +13,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <set>
 #include <system_error>
@@ -290,6 +291,8 @@ class Checker {
         add_problems(result, camera.report.problems);
         result.problem_count += static_cast<std::int64_t>(camera.report.omitted_problems);
       }
+    } catch (const std::bad_alloc&) {  // says nothing about the take
+      throw;
     } catch (const std::exception& error) {  // also of faults of ours: the other takes are checked
       if (save_failure_) throw;
       result.result = Result::kUnreadable;

@@ -44,6 +44,8 @@ const sandbox::DecoderPool& MatteReader::decoders_for(int width, int height) con
                                static_cast<std::uint64_t>(std::max(height, 1));
   const std::uint64_t most = std::bit_ceil(pixels);
   const std::scoped_lock lock(mutex_);
+  const auto known = decoders_.find(most);
+  if (known != decoders_.end()) return known->second;
   return decoders_.try_emplace(most, matte_decoder_options(most)).first->second;
 }
 

@@ -44,8 +44,8 @@ constexpr FileFormat kJpegXlFormat{"frames in archive/*.mkv, codec V_JPEGXL",
                                    "JPEG XL container (ISO/IEC 18181-2)", "", "fmt/1485",
                                    "formats/archive.md"};
 constexpr FileFormat kPictureFormat{"frames in archive/*.mkv, codec V_JPEGXL/PICTURE",
-                                    "JPEG XL codestream or container (ISO/IEC 18181-1, -2)", "",
-                                    "fmt/1484, fmt/1485", "formats/archive.md"};
+                                    "JPEG XL container (ISO/IEC 18181-2)", "", "fmt/1485",
+                                    "formats/archive.md"};
 constexpr FileFormat kHevcFormat{"frames in archive/*.mkv, codec V_MPEGH/ISO/HEVC",
                                  "HEVC byte stream (ITU-T H.265, Annex B)", "", "",
                                  "formats/archive.md"};

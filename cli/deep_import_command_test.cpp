@@ -202,7 +202,8 @@ TEST_F(DeepImportCommand, GreyMovieOf10BitsKeepsEveryCode) {
 std::vector<float> ramps() {
   std::vector<float> planes(3 * kPixels);
   for (std::size_t i = 0; i < planes.size(); ++i) {
-    const auto x = static_cast<double>(i % kWidth), y = static_cast<double>(i % kPixels / kWidth);
+    const auto x = static_cast<double>(i % kWidth),
+               y = std::floor(static_cast<double>(i % kPixels) / kWidth);
     planes[i] =
         static_cast<float>((0.2 + 0.03 * x / (kWidth - 1)) * std::pow(40, y / (kHeight - 1)));
   }

@@ -156,7 +156,7 @@ void check_line_times(const store::Take& take, const store::Timeline& timeline, 
   const auto error = rig::line_time_error(take.rig(), periods_ns, take.document().nominal_fps,
                                           (take.folder() / "rig.json").string());
   if (!error) return;
-  if (moves_rows) throw *error;
+  if (moves_rows) throw Error(*error);
   print_error("raystage sync: warning: {}\n", error->what());
 }
 

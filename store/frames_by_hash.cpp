@@ -40,8 +40,8 @@ std::span<const FramesByHash::Entry> FramesByHash::find(const TakeArchives& take
       is_built_.store(true, std::memory_order_release);
     }
   }
-  const auto found = std::ranges::equal_range(entries_, xxh3, {}, &Entry::xxh3);
-  return {found.begin(), found.end()};
+  return {std::ranges::lower_bound(entries_, xxh3, {}, &Entry::xxh3),
+          std::ranges::upper_bound(entries_, xxh3, {}, &Entry::xxh3)};
 }
 
 }  // namespace raystage::store

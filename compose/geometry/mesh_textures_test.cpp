@@ -148,8 +148,7 @@ TEST_P(MeshTextures, ElsewhereAreReadWhereLinksArePermitted) {
 TEST_P(MeshTextures, OfTheShotMayBeAnywhere) {
   schemas::ShotDocument::Geometry geometry;
   geometry.file = "set/" + formats()[GetParam()].write(set_, "../secret.png");
-  geometry.material.emplace();
-  geometry.material->kind = "diffuse";
+  geometry.material = schemas::ShotDocument::Material{};
   for (const char* texture : {"secret.png", "set/link.png"}) {
     geometry.material->texture = texture;
     Textures textures(1 << 20, 1 << 20);

@@ -20,7 +20,7 @@ inline void require_plausible_line_times(const store::Take& take, const store::T
   if (const auto error =
           rig::line_time_error(take.rig(), periods_ns, nominal > 0 ? nominal : timeline.fps,
                                (take.folder() / "rig.json").string())) {
-    throw *error;
+    throw Error(*error);
   }
 }
 

@@ -10,14 +10,9 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/printable.h"
+
 namespace raystage::cli {
-
-/// Returns the text with control characters except line ends and tabs as \u00NN, as in JSON: names
-/// in documents of strangers must not control a terminal.
-std::string printable(std::string_view text);
-
-/// The same, also of line ends and tabs: a name must not look like a line of a report.
-std::string printable_in_line(std::string_view text);
 
 /// Returns what printable_in_line() returns of a text, and other arguments as they are.
 template <class Argument>

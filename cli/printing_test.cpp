@@ -6,19 +6,7 @@
 namespace raystage::cli {
 namespace {
 
-TEST(Printing, NamesCannotControlTheTerminal) {
-  EXPECT_EQ(printable("a\tb\nc"), "a\tb\nc");
-  EXPECT_EQ(printable("\x1b]0;owned\x07"), "\\u001b]0;owned\\u0007");
-  EXPECT_EQ(printable("take\r\x7f"), "take\\u000d\\u007f");
-  EXPECT_EQ(printable("\xC2\x9B"
-                      "31m"),
-            "\\u009b31m");  // CSI as one character
-  EXPECT_EQ(printable("caf\xC3\xA9 \xE4\xB8\xAD"), "caf\xC3\xA9 \xE4\xB8\xAD");
-  EXPECT_EQ(printable("\xC2"), "\xC2");
-}
-
 TEST(Printing, NamesCannotLookLikeLinesOfAReport) {
-  EXPECT_EQ(printable_in_line("a\tb\nc\x1b"), "a\\u0009b\\u000ac\\u001b");
   const std::string name = "t\nEvery frame is intact";
   ::testing::internal::CaptureStdout();
   print("Name\t{:<3}\n", name);

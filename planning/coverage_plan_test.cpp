@@ -236,6 +236,15 @@ TEST(CoveragePlan, ReportsHoldTheSameNumbers) {
   EXPECT_NEAR(positions[0], plan.volumes[0].surface.vertices[0].x(), 1e-6);
 }
 
+TEST(CoveragePlan, NamesCannotLookLikeLinesOfAReport) {
+  CoverageOptions options;
+  options.view_fov_deg = {40};
+  options.shares = {1};
+  const CoveragePlan plan = plan_coverage("grid\nEvery ray was recorded", grid_rig(3, 3), options);
+  EXPECT_THAT(format_coverage_plan(plan),
+              HasSubstr("grid\\u000aEvery ray was recorded: 9 cameras\n"));
+}
+
 TEST(CoveragePlan, RefusesWhatItCannotCompute) {
   const rig::Rig rig = grid_rig(2, 2);
   const auto refused = [&](const auto& change) {

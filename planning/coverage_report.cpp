@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/printable.h"
 #include "charts/html_page.h"
 #include "rig/planning/wall_eyed_array.h"
 
@@ -89,9 +90,10 @@ std::string arrays_text(const CoveragePlan& plan) {
         ahead.x(), ahead.y(), ahead.z());
   }
   for (const CoverageArray& array : plan.arrays) {
-    text += fmt::format("{}: {} cameras, {:.3f} x {:.3f} m, {:.1f} x {:.1f} deg{}\n", array.name,
-                        array.cameras, array.size_m.x(), array.size_m.y(), array.fov_deg.x(),
-                        array.fov_deg.y(), array.is_ideal ? "" : " (at least)");
+    text += fmt::format("{}: {} cameras, {:.3f} x {:.3f} m, {:.1f} x {:.1f} deg{}\n",
+                        printable_in_line(array.name), array.cameras, array.size_m.x(),
+                        array.size_m.y(), array.fov_deg.x(), array.fov_deg.y(),
+                        array.is_ideal ? "" : " (at least)");
   }
   if (plan.arrays.size() > 1) {
     text += plan.options.arrays_hide_each_other
@@ -277,7 +279,7 @@ std::string name_of(const CoverageVolume& volume) {
 
 std::string format_coverage_plan(const CoveragePlan& plan) {
   std::string text =
-      fmt::format("{}: {} camera{}\n{}\n{}\n", plan.name, plan.cameras.size(),
+      fmt::format("{}: {} camera{}\n{}\n{}\n", printable_in_line(plan.name), plan.cameras.size(),
                   plan.cameras.size() == 1 ? "" : "s", views_text(plan), arrays_text(plan));
   text += "field of view     rays  range of motion: width x height x depth, volume\n";
   for (const CoverageVolume& volume : plan.volumes) {

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/printable.h"
 #include "charts/html_page.h"
 #include "charts/svg_chart.h"
 #include "compose/frame_range.h"
@@ -355,11 +356,13 @@ std::string shot_check_verdict(const ShotCheck& check) {
 
 std::string format_shot_check(const ShotCheck& check) {
   std::string text =
-      fmt::format("{}: {} ({}), {}x{} pixels\n", check.shot, frame_count(check.frames.size()),
-                  compose::format_frame_range(check.frames), check.width, check.height);
+      fmt::format("{}: {} ({}), {}x{} pixels\n", printable_in_line(check.shot),
+                  frame_count(check.frames.size()), compose::format_frame_range(check.frames),
+                  check.width, check.height);
   for (const LayerCheck& layer : check.layers) {
-    text += fmt::format("\n{}: method {}, {} cameras up to {:.1f} mm apart\n", layer.name,
-                        layer.method, layer.cameras, 1e3 * layer.spacing);
+    text += fmt::format("\n{}: method {}, {} cameras up to {:.1f} mm apart\n",
+                        printable_in_line(layer.name), layer.method, layer.cameras,
+                        1e3 * layer.spacing);
     text += layer_text(check, layer);
   }
   text += "\n" + motion_text(check) + memory_text(check);

@@ -116,6 +116,12 @@ TEST_F(ShotCheckTest, CamerasThatAreAbsentRecordNothing) {
               HasSubstr("Up to 1 of 4 cameras are absent in 1 of 6 frames: 103."));
 }
 
+TEST_F(ShotCheckTest, NamesCannotLookLikeLinesOfAReport) {
+  shot_.layers[0].name = "people\nEvery ray was recorded";
+  EXPECT_THAT(format_shot_check(check()),
+              HasSubstr("\npeople\\u000aEvery ray was recorded: method"));
+}
+
 TEST_F(ShotCheckTest, SuggestsTheFieldOfViewThatWasRecorded) {
   shot_.camera.keys = {testing::camera_key(101, {0.03, -0.03, 0.1}, 60)};
   ShotCheck check = this->check();

@@ -76,13 +76,8 @@ case "$what" in
   fuzz)
     step "build fuzz targets"
     configure_and_build fuzz
-    for target in build/fuzz/bin/*_fuzz; do
-      name="$(basename "$target" _fuzz)"
-      step "fuzz $name"
-      mkdir -p "build/fuzz/corpus/$name"
-      "$target" -max_total_time="${2:-60}" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
-        "build/fuzz/corpus/$name" "tests/fuzz/corpus/$name"
-    done
+    step "fuzz, $jobs targets at a time"
+    printf '%s\n' build/fuzz/bin/*_fuzz | xargs -P "$jobs" -n 1 scripts/fuzz_target.sh "${2:-60}"
     ;;
   *)
     echo "usage: ./test.sh [all|fast|asan|tsan|fuzz [SECONDS]]" >&2

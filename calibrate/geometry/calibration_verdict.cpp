@@ -15,6 +15,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "calibrate/geometry/ray_view.h"
+
 namespace raystage::calibrate {
 namespace {
 

@@ -13,6 +13,10 @@ struct FrameRate {
   bool operator==(const FrameRate&) const = default;
 };
 
+/// The rates that files may state, in frames per second. Their periods, 1 ns to 32 years, and
+/// multiples of these by up to nine fit Nanoseconds.
+inline constexpr double kMinRateInFiles = 1e-9, kMaxRateInFiles = 1e9;
+
 /// Returns the exact ratio of a rate in frames per second, or nullopt outside (0, 1000] or for more
 /// than six decimals. 23.976, 23.98, 29.97 and 59.94 mean n * 1000/1001, as in film and television.
 std::optional<FrameRate> frame_rate_from(double fps);

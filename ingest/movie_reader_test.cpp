@@ -93,6 +93,15 @@ TEST_F(Movie, OneTimePerFrame) {
   }
 }
 
+TEST_F(Movie, RatesAreRefusedWhoseTimesNoTakeHolds) {
+  write_mjpeg("m.mkv", 2);
+  schemas::ImportManifest what = manifest("m.mkv", 0);
+  what.nominal_fps = 1e-300;
+  EXPECT_THAT(refusal(what), HasSubstr("take.json#/nominal_fps: found 1e-300"));
+  what.nominal_fps = 1e-9;
+  EXPECT_THAT(refusal(what), HasSubstr("outside of 0 to 104 days"));
+}
+
 /// Returns R, G, B in [0, 255] of a Y, Cb, Cr code, by the formulas of the standards.
 std::array<double, 3> rgb_of(std::array<int, 3> yuv, double kr, double kb, bool full_range) {
   const double y = full_range ? yuv[0] : (yuv[0] - 16) * 255 / 219.0;

@@ -230,6 +230,14 @@ TEST_P(EveryDocument, UnknownPropertiesAreRefusedRemarksAreNot) {
   EXPECT_THAT(refusal(GetParam(), document), HasSubstr("f.json#/fsp: found the unknown property"));
 }
 
+TEST(Documents, CamerasAreLimited) {
+  for (const char* kind : {"rig", "take", "import"}) {
+    json document = good(kind);
+    document["cameras"] = json(10'001, document["cameras"][0]);
+    EXPECT_THAT(refusal(kind, document), HasSubstr("10000")) << kind;
+  }
+}
+
 TEST_P(EveryDocument, SurvivesTheLossOfAnyRequiredProperty) {
   const json whole = good(GetParam());
   for (const auto& [key, ignored] : whole.items()) {
@@ -283,7 +291,7 @@ constexpr const char* kPose = "/cameras/1/world_from_camera";
 INSTANTIATE_TEST_SUITE_P(
     Cameras, DamagedDocument,
     ::testing::Values(
-        Damage{"rig", "/cameras", json::array(), "/cameras", "an array of at least 1"},
+        Damage{"rig", "/cameras", json::array(), "/cameras", "an array of 1 to 10000"},
         Damage{"rig", "/cameras/1/id", "a", "/cameras/1/id", "the id \"a\" is used twice"},
         Damage{"rig", "/cameras/1/id", "../a", "/cameras/1/id", "found \"../a\""},
         Damage{"rig", "/cameras/1/id", ".a", "/cameras/1/id", "found \".a\""},
@@ -358,6 +366,13 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(
         Damage{"take", "/epoch_utc", "2026-01-01 00:00:00", "/epoch_utc", "found \"2026"},
         Damage{"take", "/epoch_utc", "2026-13-01T00:00:00Z", "/epoch_utc", "no such date"},
+        Damage{"take", "/epoch_utc", "1678-01-01T00:00:00Z", "/epoch_utc", "allowed: 1830-"},
+        Damage{"take", "/epoch_utc", "2261-01-01T00:00:00Z", "/epoch_utc", "to 2109-"},
+        Damage{"take", "/cameras/1/archive_epoch_utc", "2025-09-18T00:00:00Z",
+               "/cameras/1/archive_epoch_utc", "within 104 days"},
+        Damage{"take", "/cameras/1/archive_epoch_utc", "2026-04-16T00:00:00Z",
+               "/cameras/1/archive_epoch_utc", "within 104 days"},
+        Damage{"take", "/nominal_fps", 1e-300, "/nominal_fps", "0, or at least 1e-09"},
         Damage{"take", "/color_space", "sRGB", "/color_space", "allowed: \"srgb_texture\""},
         Damage{"take", "/clock", "ptp", "/clock", "\"host\" or \"device\""},
         Damage{"take", "/timestamp_event", "middle", "/timestamp_event", "\"exposure_middle\""},
@@ -375,7 +390,7 @@ INSTANTIATE_TEST_SUITE_P(
 INSTANTIATE_TEST_SUITE_P(
     Imports, DamagedDocument,
     ::testing::Values(
-        Damage{"import", "/cameras", json::array(), "/cameras", "an array of at least 1"},
+        Damage{"import", "/cameras", json::array(), "/cameras", "an array of 1 to 10000"},
         Damage{"import", "/cameras/1/id", "a", "/cameras/1/id", "is used twice"},
         Damage{"import", "/nominal_fps", 0, "/nominal_fps", "greater than 0"},
         Damage{"import", "/cameras/0/frames", json::array(), "/cameras/0/frames", "at least 1"},

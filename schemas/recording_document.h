@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -68,7 +69,11 @@ struct RecordingDocument {
     /// Returns the delay after start_at_utc, or 0. Frames of that time are missing on this node,
     /// but other nodes may have them.
     Nanoseconds late() const {
-      return start_at_utc && started_utc > *start_at_utc ? started_utc - *start_at_utc : 0;
+      if (!start_at_utc || started_utc <= *start_at_utc) return 0;
+      Nanoseconds delay = 0;
+      return __builtin_sub_overflow(started_utc, *start_at_utc, &delay)
+                 ? std::numeric_limits<Nanoseconds>::max()
+                 : delay;
     }
   };
   std::string node;

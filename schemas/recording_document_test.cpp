@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "base/error.h"
 
 namespace raystage::schemas {
@@ -61,6 +63,9 @@ TEST(RecordingDocument, SaysWhoCameTooLate) {
   RecordingDocument::Session& session = recording.sessions[0];
   session.start_at_utc = session.started_utc - 2'500'000'000;
   EXPECT_EQ(parse_recording(format_recording(recording), "x").sessions[0].late(), 2'500'000'000);
+  session.start_at_utc = std::numeric_limits<Nanoseconds>::min();  // 1677
+  EXPECT_EQ(parse_recording(format_recording(recording), "x").sessions[0].late(),
+            std::numeric_limits<Nanoseconds>::max());
   session.start_at_utc = session.started_utc + 1;
   EXPECT_EQ(parse_recording(format_recording(recording), "x").sessions[0].late(), 0);
 }

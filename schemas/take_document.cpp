@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/take_document.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "base/contained_path.h"
+#include "base/frame_rate.h"
 #include "schemas/fields.h"
 
 namespace raystage::schemas {
@@ -26,6 +29,36 @@ constexpr Fields kTakeCamera(required("id", &TakeCamera::id),
                              optional("archive_epoch_utc", &TakeCamera::archive_epoch_utc, kUtc),
                              optional("pixels", &TakeCamera::pixels, kPixels));
 
+bool are_near(Nanoseconds a, Nanoseconds b, Nanoseconds distance) {
+  return a >= b - distance && a <= b + distance;
+}
+
+/// Throws Error (bad input) for a rate or an epoch with which sums of times could overflow.
+void check_times(const JsonNode& object, const TakeDocument& take) {
+  if (take.nominal_fps != 0 && take.nominal_fps < kMinRateInFiles) {
+    throw object.at("nominal_fps")
+        .input_error(
+            fmt::format("found {}, allowed: 0, or at least {}", take.nominal_fps, kMinRateInFiles),
+            "Correct the rate, or set 0 if it is unknown");
+  }
+  if (!are_near(take.epoch_utc, 0, kMaxTakeEpoch)) {
+    throw object.at("epoch_utc")
+        .input_error(fmt::format("found {}, allowed: {} to {}", format_utc(take.epoch_utc),
+                                 format_utc(-kMaxTakeEpoch), format_utc(kMaxTakeEpoch)),
+                     "Correct the date");
+  }
+  for (std::size_t i = 0; i < take.cameras.size(); ++i) {
+    const std::optional<Nanoseconds>& epoch = take.cameras[i].archive_epoch_utc;
+    if (!epoch || are_near(*epoch, take.epoch_utc, kMaxArchiveTime)) continue;
+    throw object.at("cameras")
+        .at(i)
+        .at("archive_epoch_utc")
+        .input_error(fmt::format("found {}, allowed: within 104 days of the take's epoch {}",
+                                 format_utc(*epoch), format_utc(take.epoch_utc)),
+                     "Correct the date");
+  }
+}
+
 constexpr Fields kTake(defaulted("name", &TakeDocument::name),
                        defaulted("created_by", &TakeDocument::created_by),
                        optional("derived_from", &TakeDocument::derived_from,
@@ -38,7 +71,8 @@ constexpr Fields kTake(defaulted("name", &TakeDocument::name),
                        defaulted("timestamp_event", &TakeDocument::timestamp_event),
                        optional("scale", &TakeDocument::arbitrary_scale, kScaleNames),
                        optional("depth_range_m", &TakeDocument::depth_range, kDepthRange),
-                       required("cameras", &TakeDocument::cameras, list_with_ids(kTakeCamera)));
+                       required("cameras", &TakeDocument::cameras, list_with_ids(kTakeCamera)),
+                       check(check_times));
 
 }  // namespace
 

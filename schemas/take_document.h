@@ -25,7 +25,8 @@ struct TakeDocument {
     std::string archive;  ///< Matroska file, relative to the take, e.g. "archive/r0c0.mkv"
     std::string journal;  ///< e.g. "archive/r0c0.journal"
     std::string node;     ///< ingest node that time-stamped the frames; may be empty
-    /// Time 0 of the archive, since 1970; nullopt: the take's.
+    /// Time 0 of the archive, since 1970, within kMaxArchiveTime of the take's; nullopt: the
+    /// take's.
     std::optional<Nanoseconds> archive_epoch_utc = {};
     /// Of frames that are JPEG XL pictures of their own; nullopt: frames are JPEG, maybe packed.
     std::optional<PixelEncoding> pixels = {};
@@ -38,10 +39,10 @@ struct TakeDocument {
   std::string name;
   std::string created_by;  ///< program and version
   std::optional<Derived> derived_from;
-  Nanoseconds epoch_utc = 0;  ///< time 0 of every archive, since 1970
-  double nominal_fps = 0;
-  std::string color_space;                  ///< of JPEG codes: "srgb_texture"
-  std::string clock = "host";               ///< "host" | "device" | "simulated" | "manifest"
+  Nanoseconds epoch_utc = 0;   ///< time 0 of every archive, since 1970; see kMaxTakeEpoch
+  double nominal_fps = 0;      ///< 0: unknown
+  std::string color_space;     ///< of JPEG codes: "srgb_texture"
+  std::string clock = "host";  ///< "host" | "device" | "simulated" | "manifest"
   std::string timestamp_event = "unknown";  ///< "exposure_start|middle|end", "arrival", "unknown"
   bool arbitrary_scale = false;
   std::optional<DepthRange> depth_range;

@@ -129,6 +129,30 @@ TEST_P(Cut, RottenByteWithoutJournal) {
   }
 }
 
+// A walk over all records of that time for each truncated frame would take hours.
+TEST(ArchiveIndex, AMillionTruncatedFramesOfOneTime) {
+  constexpr std::size_t kRecords = 1'000'000;
+  const auto header = journal::encode_header(description());
+  FrameRecord missing, truncated;
+  missing.time_ns = truncated.time_ns = 7;
+  missing.status = FrameStatus::kDroppedLate;
+  truncated.offset = std::uint64_t{1} << 40;
+  truncated.size = 1;
+  std::vector<std::byte> journal(header.begin(), header.end());
+  journal.reserve(journal.size() + 2 * kRecords * journal::kRecordBytes);
+  for (const FrameRecord& record : {missing, truncated}) {
+    const auto bytes = journal::encode_record(record);
+    for (std::size_t i = 0; i < kRecords; ++i) {
+      journal.insert(journal.end(), bytes.begin(), bytes.end());
+    }
+  }
+  const auto archive = matroska::make_header(description()).bytes;
+  const ArchiveIndex index = index_archive(archive, journal, "a.mkv", "a.journal");
+  EXPECT_EQ(index.records.size(), 2 * kRecords);
+  EXPECT_EQ(index.records.back().status, FrameStatus::kTorn);
+  EXPECT_TRUE(index.frames.empty());
+}
+
 INSTANTIATE_TEST_SUITE_P(Archive, Cut, ::testing::Values(false, true), [](const auto& parameter) {
   return parameter.param ? "Closed" : "Unclosed";
 });

@@ -65,13 +65,12 @@ class Merger {
     // Recovered frames go between records of missing ones; the rest is in the journal's order.
     std::ranges::stable_sort(index_.records, {}, &FrameRecord::time_ns);
     // Truncated frames are missing, unless the scan found them.
+    std::vector<Nanoseconds> stored_times;
+    for (const FrameRecord& record : index_.records) {
+      if (record.status == FrameStatus::kStored) stored_times.push_back(record.time_ns);
+    }
     std::erase_if(cut_off_, [&](const FrameRecord& record) {
-      auto other =
-          std::ranges::lower_bound(index_.records, record.time_ns, {}, &FrameRecord::time_ns);
-      for (; other != index_.records.end() && other->time_ns == record.time_ns; ++other) {
-        if (other->status == FrameStatus::kStored) return true;
-      }
-      return false;
+      return std::ranges::binary_search(stored_times, record.time_ns);
     });
     const auto middle = static_cast<std::ptrdiff_t>(index_.records.size());
     index_.records.insert(index_.records.end(), cut_off_.begin(), cut_off_.end());

@@ -441,7 +441,10 @@ void ArchiveReader::shift_times(Nanoseconds by) {
   for (auto* records : {&state_->index.records, &state_->index.frames}) {
     for (FrameRecord& record : *records) {
       record.time_ns += by;
-      if (record.arrival_ns != kUnknownTime) record.arrival_ns += by;
+      if (record.arrival_ns != kUnknownTime &&
+          __builtin_add_overflow(record.arrival_ns, by, &record.arrival_ns)) {
+        record.arrival_ns = kUnknownTime;  // journals may state any arrival
+      }
     }
   }
 }

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/mapped_file.h"
 #include "store/journal.h"
+#include "store/matroska.h"
 
 namespace raystage::store {
 namespace {
@@ -30,6 +31,22 @@ class FramesElsewhere : public RemoteFrames {
   std::string archive_;
 };
 
+/// Drops records that contradict those before, or have times that no archive has, as
+/// index_archive() does.
+void drop_unordered(std::vector<FrameRecord>& records) {
+  Nanoseconds last = 0, last_stored = -1;
+  std::erase_if(records, [&](const FrameRecord& record) {
+    const bool is_stored = record.status == FrameStatus::kStored;
+    if (record.time_ns < last || record.time_ns > matroska::kMaxTime ||
+        (is_stored && record.time_ns <= last_stored)) {
+      return true;
+    }
+    last = record.time_ns;
+    if (is_stored) last_stored = last;
+    return false;
+  });
+}
+
 class JournalArchives : public RemoteArchives {
  public:
   explicit JournalArchives(fs::path folder)
@@ -42,8 +59,9 @@ class JournalArchives : public RemoteArchives {
     const ContainedPath journal_file{folder_, entry.journal};
     if (exists(ContainedPath{folder_, entry.archive}) || !exists(journal_file)) return std::nullopt;
     const MappedFile file(journal_file);
-    const journal::Contents contents =
+    journal::Contents contents =
         read_mapped([&] { return journal::decode(file.bytes(), journal.string()); }, file);
+    drop_unordered(contents.records);
     const Nanoseconds epoch = entry.archive_epoch_utc.value_or(document_.epoch_utc);
     if (!contents.header || contents.header->camera_hash != journal::hash_camera_id(entry.id) ||
         contents.header->epoch_utc != epoch) {

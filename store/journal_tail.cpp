@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/posix_file.h"
 #include "store/journal.h"
+#include "store/matroska.h"
 
 namespace raystage::store {
 namespace {
@@ -35,6 +36,10 @@ std::uint32_t version_of(const ContainedPath& journal) {
   return header ? header->version : 0;
 }
 
+bool has_possible_time(const FrameRecord& record) {
+  return record.time_ns >= 0 && record.time_ns <= matroska::kMaxTime;
+}
+
 }  // namespace
 
 JournalTail::JournalTail(ContainedPath journal, std::size_t first_records)
@@ -57,9 +62,8 @@ std::vector<FrameRecord> JournalTail::read() {
   const std::vector<std::byte> part = read_part(journal_, position_, count * each);
   for (std::size_t at = 0; at + each <= part.size(); at += each) {
     position_ += each;
-    if (auto record = journal::decode_record(std::span(part).subspan(at, each), version_)) {
-      records.push_back(*record);
-    }
+    const auto record = journal::decode_record(std::span(part).subspan(at, each), version_);
+    if (record && has_possible_time(*record)) records.push_back(*record);
   }
   return records;
 }
@@ -75,7 +79,9 @@ std::optional<TimeRange> journal_time_range(const ContainedPath& journal) {
     return bytes.size() == each ? journal::decode_record(bytes, version) : std::nullopt;
   };
   const auto first = record(0), last = record(count - 1);
-  if (!first || !last) return std::nullopt;
+  if (!first || !last || !has_possible_time(*first) || !has_possible_time(*last)) {
+    return std::nullopt;
+  }
   return TimeRange{first->time_ns, last->time_ns};
 }
 

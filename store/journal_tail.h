@@ -22,9 +22,10 @@ class JournalTail {
   /// The first read begins at most `first_records` before the end.
   JournalTail(ContainedPath journal, std::size_t first_records);
 
-  /// Returns the new records that pass their check, in file order; none while the journal has no
-  /// intact header. A record that is written only in part comes with a later read. Throws Error
-  /// (bad input) if the header is intact and of a future version.
+  /// Returns the new records that pass their check and have a time that archives can have, in file
+  /// order; none while the journal has no intact header. A record that is written only in part
+  /// comes with a later read. Throws Error (bad input) if the header is intact and of a future
+  /// version.
   std::vector<FrameRecord> read();
 
  private:
@@ -35,7 +36,7 @@ class JournalTail {
 };
 
 /// Returns the times of the first and the last record of a journal; nullopt if it has none that
-/// pass their check. Reads these two records only.
+/// pass their check, or none that archives can have. Reads these two records only.
 std::optional<TimeRange> journal_time_range(const ContainedPath& journal);
 
 }  // namespace raystage::store

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <limits>
 
 #include "base/atomic_file.h"
 #include "store/journal.h"
@@ -102,6 +103,19 @@ TEST_F(JournalTailTest, TheTimeRangeIsThatOfTheFirstAndTheLastRecord) {
   ASSERT_TRUE(range);
   EXPECT_EQ(range->begin, 5);
   EXPECT_EQ(range->end, 90);
+}
+
+TEST_F(JournalTailTest, TimesThatNoArchiveHasAreDamage) {
+  append_header();
+  append_record(std::numeric_limits<Nanoseconds>::min());
+  append_record(-1);
+  append_record(0);
+  append_record(kMaxArchiveTime);
+  append_record(kMaxArchiveTime + 1);
+  append_record(std::numeric_limits<Nanoseconds>::max());
+  JournalTail tail({folder_.path(), "a.journal"}, 100);
+  EXPECT_THAT(times(tail.read()), ElementsAre(0, kMaxArchiveTime));
+  EXPECT_FALSE(journal_time_range({folder_.path(), "a.journal"})) << "end - begin would overflow";
 }
 
 }  // namespace

@@ -15,8 +15,8 @@ namespace raystage::store::matroska {
 
 /// Bytes from the start of a cluster to its JPEG, in the layout of our writer.
 inline constexpr std::size_t kClusterHeaderBytes = 35;
-/// The largest time: 2^53 ns, 104 days. FFmpeg converts times to double and rounds larger ones.
-inline constexpr Nanoseconds kMaxTime = Nanoseconds{1} << 53;
+/// The largest time. FFmpeg converts times to double and rounds larger ones.
+inline constexpr Nanoseconds kMaxTime = kMaxArchiveTime;
 
 /// The first bytes of Cues.
 inline constexpr std::array kCuesIdBytes{std::byte{0x1C}, std::byte{0x53}, std::byte{0xBB},

@@ -23,12 +23,16 @@ std::vector<schemas::RecordingDocument> read_recordings(const std::filesystem::p
 
 std::vector<std::vector<Nanoseconds>> recorder_restarts(const Take& take) {
   std::vector<std::vector<Nanoseconds>> starts(static_cast<std::size_t>(take.camera_count()));
+  const Nanoseconds epoch = take.document().epoch_utc;
   for (const schemas::RecordingDocument& recording : read_recordings(take.folder())) {
     for (const schemas::RecordingDocument::Session& session : recording.sessions) {
       for (const schemas::RecordingDocument::Camera& camera : session.cameras) {
         const int index = take.camera_index(camera.id);
         if (index < 0) continue;
-        starts[index].push_back(session.started_utc - take.document().epoch_utc);
+        // A time before or after all frames of a take, as any other one there.
+        starts[index].push_back(std::clamp(session.started_utc, epoch - 2 * kMaxArchiveTime,
+                                           epoch + 2 * kMaxArchiveTime) -
+                                epoch);
       }
     }
   }

@@ -5,9 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <thread>
 
 #include "base/error.h"
+#include "store/journal.h"
+#include "store/journal_archives.h"
+#include "store/recordings.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 #include "testing/test_permissions.h"
@@ -182,6 +186,54 @@ TEST_F(TakeFolder, MissingPartsAreBadInput) {
   std::filesystem::remove(path / "archive" / "c0.mkv");
   const Take take(path);
   EXPECT_EQ(error_of([&] { take.archive(0); }).exit_code(), ExitCode::kBadInput);
+}
+
+TEST_F(TakeFolder, TimesOfHostileFilesDoNotOverflow) {
+  testing::write_take(path, {{1, 2}});
+  schemas::TakeDocument document = schemas::read_take(path / "take.json");
+  const Nanoseconds epoch = document.epoch_utc;
+  // Recorders that started in 1678 and 2261.
+  schemas::RecordingDocument recording;
+  recording.sessions.resize(3);
+  for (auto& session : recording.sessions) session.cameras.emplace_back().id = "c0";
+  recording.sessions[0].started_utc = std::numeric_limits<Nanoseconds>::min();
+  recording.sessions[1].started_utc = epoch + 5;
+  recording.sessions[2].started_utc = std::numeric_limits<Nanoseconds>::max();
+  std::filesystem::create_directory(path / "recording");
+  write_file_atomically(path / "recording/a.json", schemas::format_recording(recording));
+  const auto restarts = recorder_restarts(Take(path));
+  ASSERT_EQ(restarts[0].size(), 2u);
+  EXPECT_EQ(restarts[0][0], 5);
+  EXPECT_GT(restarts[0][1], kMaxArchiveTime);
+
+  // A journal without an archive, whose epoch is the latest before the take's.
+  document.epoch_utc = epoch + kMaxArchiveTime;
+  document.cameras[0].archive_epoch_utc = epoch;
+  schemas::write_take(document, path / "take.json");
+  std::filesystem::remove(path / "archive/c0.mkv");
+  const auto header = journal::encode_header({"c0", 0, 0, epoch});
+  std::vector<std::byte> bytes(header.begin(), header.end());
+  const auto append = [&](Nanoseconds time, Nanoseconds arrival) {
+    FrameRecord record;
+    record.time_ns = time;
+    record.arrival_ns = arrival;
+    const auto encoded = journal::encode_record(record);
+    bytes.insert(bytes.end(), encoded.begin(), encoded.end());
+  };
+  append(-1, 0);
+  append(5, std::numeric_limits<Nanoseconds>::min() + 1);
+  append(5, 0);
+  append(3, 0);
+  append(kMaxArchiveTime, 9);
+  append(std::numeric_limits<Nanoseconds>::max(), 0);
+  testing::overwrite(path / "archive/c0.journal", bytes);
+  const Take take(path, make_journal_archives(path));
+  const auto frames = take.archive(0).frames();
+  ASSERT_EQ(frames.size(), 2u);
+  EXPECT_EQ(frames[0].time_ns, 5 - kMaxArchiveTime);
+  EXPECT_EQ(frames[0].arrival_ns, kUnknownTime);
+  EXPECT_EQ(frames[1].time_ns, 0);
+  EXPECT_EQ(frames[1].arrival_ns, 9 - kMaxArchiveTime);
 }
 
 TEST_F(TakeFolder, ManyThreadsOpenArchivesAtOnce) {

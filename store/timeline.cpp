@@ -4,18 +4,21 @@
 // output: per tick and camera a frame index or -1. Cost: O(frames + ticks x cameras).
 #include "store/timeline.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
 
 #include "base/error.h"
+#include "base/resources.h"
 #include "store/tick_phase.h"
 
 namespace raystage::store {
 namespace {
 
-constexpr double kMaxComputedTicks = 10'000'000;  // 92 hours at 30 frames per second
+constexpr std::uint64_t kMaxTicks = 10'000'000;  // 92 hours at 30 frames per second
 
 std::vector<std::vector<Nanoseconds>> frame_times(const Take& take) {
   std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
@@ -93,12 +96,33 @@ void fill(Timeline& timeline, const std::vector<std::vector<Nanoseconds>>& times
 
 }  // namespace
 
-Nanoseconds CameraClock::corrected(Nanoseconds stamp) const {
-  Nanoseconds time = stamp - offset_ns;
-  for (const ClockStep& step : steps) {
-    if (stamp >= step.time_ns) time -= step.step_ns;
+void ClockSteps::add(const ClockStep& step) {
+  auto at = std::ranges::lower_bound(steps_, step.time_ns, {}, &ClockStep::time_ns);
+  if (at == steps_.end() || at->time_ns != step.time_ns) {
+    at = steps_.insert(at, ClockStep{step.time_ns, 0});
+    sums_.push_back(0);
   }
-  return time;
+  at->step_ns += step.step_ns;
+  for (auto i = static_cast<std::size_t>(at - steps_.begin()); i < steps_.size(); ++i) {
+    sums_[i] = (i > 0 ? sums_[i - 1] : 0) + steps_[i].step_ns;
+  }
+}
+
+Nanoseconds ClockSteps::sum_until(Nanoseconds stamp) const {
+  const auto after = std::ranges::upper_bound(steps_, stamp, {}, &ClockStep::time_ns);
+  return after == steps_.begin() ? 0 : sums_[static_cast<std::size_t>(after - steps_.begin()) - 1];
+}
+
+Nanoseconds CameraClock::corrected(Nanoseconds stamp) const {
+  return stamp - offset_ns - steps.sum_until(stamp);
+}
+
+std::uint64_t most_ticks(std::size_t cameras) {
+  constexpr std::size_t kAllocation = 2 * sizeof(std::size_t);  // overhead of a vector's memory
+  const std::size_t of_cameras = cameras * (sizeof(std::int32_t) + sizeof(Nanoseconds));
+  const std::size_t in_memory = sizeof(FrameSelection) + 2 * kAllocation + of_cameras;
+  const std::size_t in_file = sizeof(Nanoseconds) + of_cameras;  // read into a buffer that doubles
+  return std::min<std::uint64_t>(kMaxTicks, available_memory() / 2 / (in_memory + 2 * in_file));
 }
 
 TimeRange running_range(const std::vector<std::vector<Nanoseconds>>& times) {
@@ -201,9 +225,12 @@ Timeline assign_ticks(const std::vector<std::vector<Nanoseconds>>& times, double
   const Ticks ticks(tick_at ? static_cast<double>(*tick_at) : best_tick_phase(times, period),
                     period);
   const std::int64_t first = ticks.nearest(range.begin), last = ticks.nearest(range.end);
-  if (static_cast<double>(last - first) >= kMaxComputedTicks) {
-    throw Error::bad_input("the timeline would have " + std::to_string(last - first + 1) + " ticks",
-                           std::string(name), "Give the rate of the cameras in frames per second");
+  const double count = static_cast<double>(last) - static_cast<double>(first) + 1;
+  if (const std::uint64_t most = most_ticks(times.size()); count > static_cast<double>(most)) {
+    throw Error::bad_input(
+        fmt::format("the timeline would have {:.0f} ticks of {} cameras, allowed: {}", count,
+                    times.size(), most),
+        std::string(name), "Give the rate of the cameras in frames per second");
   }
   timeline.ticks.resize(last - first + 1);
   for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {

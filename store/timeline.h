@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <limits>
 #include <optional>
 #include <span>
@@ -62,12 +63,37 @@ struct ClockStep {
   bool operator==(const ClockStep&) const = default;
 };
 
+/// The steps of a clock, by increasing time.
+class ClockSteps {
+ public:
+  ClockSteps() = default;
+  ClockSteps(std::initializer_list<ClockStep> steps) {
+    for (const ClockStep& step : steps) add(step);
+  }
+
+  /// Adds a step. Its size is added to that of a step at the same time. Cost: the later steps.
+  void add(const ClockStep& step);
+  /// Returns the sum of the steps at or before a time stamp. Cost: O(log steps).
+  Nanoseconds sum_until(Nanoseconds stamp) const;
+
+  bool empty() const { return steps_.empty(); }
+  std::size_t size() const { return steps_.size(); }
+  const ClockStep& back() const { return steps_.back(); }
+  auto begin() const { return steps_.begin(); }
+  auto end() const { return steps_.end(); }
+  bool operator==(const ClockSteps&) const = default;
+
+ private:
+  std::vector<ClockStep> steps_;
+  std::vector<Nanoseconds> sums_;  // of the steps up to each, inclusive
+};
+
 /// The clock of one camera: the correction of its time stamps, and its free-running period and
 /// phase.
 struct CameraClock {
-  Nanoseconds offset_ns = 0;     ///< time stamps minus the array's time
-  std::vector<ClockStep> steps;  ///< by increasing time
-  double period_ns = 0;          ///< from frame to frame; 0 without a constant rate
+  Nanoseconds offset_ns = 0;  ///< time stamps minus the array's time
+  ClockSteps steps;
+  double period_ns = 0;  ///< from frame to frame; 0 without a constant rate
   double phase_ns = 0;   ///< corrected time of one frame in the middle of the camera's frames
   double drift_ppm = 0;  ///< period / tick period (or a multiple) - 1, 1e-6
   double jitter_ns = 0;  ///< robust sigma of time stamps about the fitted times
@@ -87,6 +113,10 @@ struct Timeline {
   std::vector<FrameSelection> ticks;
   std::vector<CameraClock> clocks;  ///< one per camera; empty: time stamps are used as they are
 };
+
+/// Returns the most ticks of a timeline that this machine makes and reads: 10 million (92 hours at
+/// 30 frames per second), or fewer if these would take more than half of its memory.
+std::uint64_t most_ticks(std::size_t cameras);
 
 /// Marks a frame whose time is not reliable and which must not be used.
 inline constexpr Nanoseconds kExcludedTime = std::numeric_limits<Nanoseconds>::min();

@@ -4,6 +4,7 @@
 // in ticks times cameras.
 #include "store/timeline_file.h"
 
+#include <fmt/format.h>
 #include <xxhash.h>
 #include <zstd.h>
 
@@ -21,6 +22,7 @@
 #include "base/atomic_file.h"
 #include "base/contained_path.h"
 #include "base/error.h"
+#include "base/frame_rate.h"
 #include "base/little_endian.h"
 #include "store/journal.h"
 #include "store/unsynced_timeline.h"
@@ -38,8 +40,12 @@ constexpr std::array kClockNumbers{&CameraClock::period_ns, &CameraClock::phase_
                                    &CameraClock::drift_ppm, &CameraClock::jitter_ns};
 constexpr std::uint32_t kFittedFlag = 1;
 constexpr int kLevel = 9;
-constexpr std::uint64_t kMaxFileTicks = 100'000'000;
 constexpr std::uint32_t kMaxSteps = 1'000'000;
+/// The largest time, difference, clock offset, sum of clock steps and tolerance: 36 years. Sums of
+/// seven of them do not overflow.
+constexpr Nanoseconds kMaxTimelineTime = Nanoseconds{1} << 60;
+constexpr double kMaxClockPeriod = kNsPerS / kMinRateInFiles,
+                 kMinClockPeriod = kNsPerS / kMaxRateInFiles;
 
 struct ZstdDeleter {
   void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
@@ -102,6 +108,10 @@ void append_clock(const CameraClock& clock, std::vector<std::byte>& payload) {
   }
 }
 
+bool is_timeline_time(Nanoseconds time) {
+  return time >= -kMaxTimelineTime && time <= kMaxTimelineTime;
+}
+
 // Returns whether a frame with this time stamp can have this time: exactly, or within one period
 // with fitted times.
 bool agrees(const CameraClock& clock, Nanoseconds stamp, Nanoseconds time) {
@@ -125,8 +135,11 @@ std::optional<CameraClock> pull_clock(Decompressor& source) {
   const auto flags = load_little_endian<std::uint32_t>(bytes, 40);
   const auto steps = load_little_endian<std::uint32_t>(bytes, 44);
   clock.fitted = (flags & kFittedFlag) != 0;
-  if (!finite || clock.period_ns < 0 || clock.jitter_ns < 0 || flags > kFittedFlag ||
-      steps > kMaxSteps) {
+  const double period = clock.period_ns;
+  const bool has_possible_period =
+      period == 0 || (period >= kMinClockPeriod && period <= kMaxClockPeriod);
+  if (!finite || !is_timeline_time(clock.offset_ns) || !has_possible_period ||
+      clock.jitter_ns < 0 || flags > kFittedFlag || steps > kMaxSteps) {
     return std::nullopt;
   }
   bytes.clear();
@@ -137,7 +150,9 @@ std::optional<CameraClock> pull_clock(Decompressor& source) {
     const ClockStep step{load_little_endian<std::int64_t>(bytes, at),
                          load_little_endian<std::int64_t>(bytes, at + 8)};
     if (!clock.steps.empty() && step.time_ns <= clock.steps.back().time_ns) return std::nullopt;
-    clock.steps.push_back(step);
+    if (!is_timeline_time(step.step_ns)) return std::nullopt;
+    clock.steps.add(step);
+    if (!is_timeline_time(clock.steps.sum_until(step.time_ns))) return std::nullopt;
   }
   return clock;
 }
@@ -240,10 +255,16 @@ Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uin
   timeline.fps = std::bit_cast<double>(load_little_endian<std::uint64_t>(payload, kFpsAt));
   timeline.tolerance = load_little_endian<std::int64_t>(payload, kToleranceAt);
   const auto ticks = load_little_endian<std::uint64_t>(payload, kTicksAt);
-  if (!std::isfinite(timeline.fps) || timeline.fps <= 0 || timeline.tolerance < 0 ||
-      ticks > kMaxFileTicks) {
+  if (!(timeline.fps >= kMinRateInFiles && timeline.fps <= kMaxRateInFiles) ||
+      timeline.tolerance < 0 || timeline.tolerance > kMaxTimelineTime) {
     throw damaged();
   }
+  if (const std::uint64_t most = most_ticks(cameras); ticks > most) {
+    throw refuse(
+        fmt::format("the timeline has {} ticks of {} cameras, allowed: {}", ticks, cameras, most));
+  }
+  // Ticks have a constant rate, which exports multiply by their number.
+  if (static_cast<double>(ticks) * kNsPerS / timeline.fps > 3.0 * kMaxTimelineTime) throw damaged();
   const auto count = static_cast<std::size_t>(ticks);
   const std::size_t body = count * (8 + cameras * 12);
   if (!source.pull(body, payload) || payload.size() != kHeaderBytes + body) throw damaged();
@@ -259,6 +280,7 @@ Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uin
   for (FrameSelection& tick : timeline.ticks) {
     tick.time_ns = load_little_endian<std::int64_t>(payload, at);
     at += 8;
+    if (!is_timeline_time(tick.time_ns)) throw damaged();
     tick.frame.resize(cameras);
     tick.difference.resize(cameras);
   }
@@ -273,6 +295,7 @@ Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uin
     for (FrameSelection& tick : timeline.ticks) {
       tick.difference[camera] = load_little_endian<std::int64_t>(payload, at);
       at += 8;
+      if (!is_timeline_time(tick.difference[camera])) throw damaged();
     }
   }
   return timeline;

@@ -23,9 +23,10 @@ std::uint64_t take_fingerprint(const Take& take);
 std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t fingerprint);
 
 /// Returns the timeline in `file`; accepts any bytes. Memory grows with the real contents, not with
-/// claimed sizes. Throws Error (bad input) if the file is damaged, of a future version, or does not
-/// match `fingerprint` and `cameras`. Without a fingerprint the take is not checked. Frame numbers
-/// are only checked to be -1 or above.
+/// claimed sizes. Throws Error (bad input) if the file is damaged, of a future version, has more
+/// than most_ticks(), or does not match `fingerprint` and `cameras`. Without a fingerprint the take
+/// is not checked. Frame numbers are only checked to be -1 or above; times, and sums of them that
+/// readers form, are within the range of Nanoseconds.
 Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uint64_t> fingerprint,
                          std::size_t cameras, std::string_view name);
 

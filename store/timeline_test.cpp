@@ -6,12 +6,15 @@
 #include <rapidcheck.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <set>
 
 #include "base/error.h"
+#include "base/little_endian.h"
+#include "base/resources.h"
 #include "store/timeline_file.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
@@ -160,6 +163,47 @@ TEST(Timeline, RefusesNonsense) {
   EXPECT_THROW(timeline_of({{}, {}}), Error);
   const Times long_gap{{0, 9'000'000 * kNanosecondsPerSecond}};
   EXPECT_THROW(timeline_of(long_gap, 1000), Error);
+  // The number of ticks is beyond int64.
+  constexpr Nanoseconds kFar = 6'900'000'000 * kNanosecondsPerSecond;
+  EXPECT_THROW(assign_ticks({{}}, 1e9, 1, {-kFar, kFar}, "test"), Error);
+}
+
+TEST(Timeline, HasNoMoreTicksThanFitInHalfOfTheMemory) {
+  EXPECT_LE(most_ticks(1), 10'000'000u);
+  for (const std::size_t cameras : {64u, 1000u, 10'000u}) {
+    const std::size_t bytes = cameras * 3 * (sizeof(std::int32_t) + sizeof(Nanoseconds));
+    EXPECT_LE(most_ticks(cameras), available_memory() / 2 / bytes) << cameras;
+  }
+  const Times minutes(10'000, {0, 1'000'000 * kNanosecondsPerSecond});
+  EXPECT_THROW(timeline_of(minutes, 5), Error);  // 5 million ticks of 10,000 cameras
+}
+
+TEST(CameraClock, CorrectsAsAWalkOverItsStepsDoes) {
+  std::mt19937 random(4);
+  for (const int count : {0, 1, 2, 9}) {
+    std::vector<ClockStep> steps;
+    CameraClock clock;
+    clock.offset_ns = 13;
+    for (int i = 0; i < count; ++i) {  // in any order, and two at one time
+      steps.push_back(
+          {static_cast<Nanoseconds>(random() % 20), static_cast<int>(random() % 9) - 4});
+      clock.steps.add(steps.back());
+    }
+    for (Nanoseconds stamp = -1; stamp <= 20; ++stamp) {
+      Nanoseconds expected = stamp - 13;
+      for (const ClockStep& step : steps) expected -= stamp >= step.time_ns ? step.step_ns : 0;
+      ASSERT_EQ(clock.corrected(stamp), expected) << count << " " << stamp;
+    }
+  }
+}
+
+// A walk over the steps would take hours.
+TEST(CameraClock, AMillionStepsCorrectMillionsOfStamps) {
+  CameraClock clock;
+  for (int i = 0; i < 1'000'000; ++i) clock.steps.add({i, 1});
+  Nanoseconds sum = 0;
+  for (Nanoseconds stamp = 0; stamp < 5'000'000; ++stamp) sum += clock.corrected(stamp);
+  EXPECT_EQ(sum, 7'999'997'000'000) << "a million times -1, then 0, 1, 2 ...";
 }
 
 TEST(Timeline, FreeRunningCamerasProperty) {
@@ -356,6 +400,84 @@ TEST_F(TimelineFile, StaysValidWhenTheTakeIsRenamed) {
   document.name = "a better name";
   schemas::write_take(document, path / "take.json");
   EXPECT_EQ(refusal(), "");
+}
+
+TEST_F(TimelineFile, MoreTicksThanCanBeComputedAreRefusedUnread) {
+  // A zstd frame with one block that is not compressed: the header alone.
+  std::vector<std::byte> bytes(9 + 48);
+  store_little_endian(bytes, 0, std::uint32_t{0xFD2FB528});
+  store_little_endian(bytes, 4, std::uint16_t{0x3020});  // one segment of 48 bytes
+  store_little_endian(bytes, 6, std::uint16_t{48 << 3 | 1});
+  std::ranges::copy(std::as_bytes(std::span("RAYSTIME", 8)), bytes.begin() + 9);
+  store_little_endian(bytes, 9 + 8, std::uint32_t{2});
+  store_little_endian(bytes, 9 + 12, std::uint32_t{2});
+  store_little_endian(bytes, 9 + 24, std::bit_cast<std::uint64_t>(15.0));
+  const auto refusal_of = [&](std::uint64_t ticks) -> std::string {
+    store_little_endian(bytes, 9 + 40, ticks);
+    try {
+      decode_timeline(bytes, std::nullopt, 2, "");
+    } catch (const Error& error) {
+      return error.what_happened();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal_of(most_ticks(2)), HasSubstr("damaged")) << "its ticks are not there";
+  EXPECT_THAT(refusal_of(most_ticks(2) + 1), HasSubstr("allowed: "));
+  EXPECT_THAT(refusal_of(100'000'000), HasSubstr("100000000 ticks of 2 cameras, allowed: "));
+}
+
+TEST_F(TimelineFile, TheLongestTakeCanBeRead) {
+  std::filesystem::remove_all(path);
+  testing::write_take(path, {{0, kMaxArchiveTime}, {0, kMaxArchiveTime - kMs}});
+  const Timeline timeline = build_timeline(Take(path), 0, 0);
+  EXPECT_EQ(timeline.ticks.size(), 2u);
+  write_timeline(timeline, path);
+  EXPECT_EQ(refusal(), "");
+}
+
+TEST_F(TimelineFile, TimesThatCouldOverflowAreRefused) {
+  Timeline timeline = build_timeline(Take(path), 0, 0);
+  timeline.clocks.resize(2);
+  constexpr Nanoseconds kFar = Nanoseconds{1} << 60;
+  const auto is_read = [&](const auto& change) {
+    Timeline changed = timeline;
+    change(changed);
+    try {
+      decode_timeline(encode_timeline(changed, 1), 1, 2, "");
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what_happened(), HasSubstr("damaged"));
+      return false;
+    }
+    return true;
+  };
+  for (const Nanoseconds sign : {-1, 1}) {
+    for (const Nanoseconds beyond : {0, 1}) {
+      const Nanoseconds time = sign * (kFar + beyond);
+      const bool is_near = beyond == 0;
+      EXPECT_EQ(is_read([&](Timeline& t) { t.ticks[3].time_ns = time; }), is_near);
+      EXPECT_EQ(is_read([&](Timeline& t) { t.ticks[3].difference[1] = time; }), is_near);
+      EXPECT_EQ(is_read([&](Timeline& t) { t.clocks[1].offset_ns = time; }), is_near);
+      EXPECT_EQ(is_read([&](Timeline& t) { t.clocks[1].steps = {{5, time}}; }), is_near);
+      EXPECT_EQ(is_read([&](Timeline& t) {
+                  t.clocks[1].steps = {{5, time - sign}, {6, sign}, {7, -time}};
+                }),
+                is_near);
+    }
+  }
+  EXPECT_TRUE(is_read([&](Timeline& t) { t.tolerance = kFar; }));
+  EXPECT_FALSE(is_read([&](Timeline& t) { t.tolerance = kFar + 1; }));
+  const auto is_rate = [&](double fps) { return is_read([&](Timeline& t) { t.fps = fps; }); };
+  EXPECT_TRUE(is_rate(1e9));
+  for (const double fps : {1e-300, 0.9e-9, 1.1e9, std::nan("")}) EXPECT_FALSE(is_rate(fps)) << fps;
+  timeline.ticks.resize(3);
+  EXPECT_TRUE(is_rate(1e-9));
+  timeline.ticks.resize(4, timeline.ticks[0]);
+  EXPECT_FALSE(is_rate(1e-9)) << "127 years";
+  const auto is_period = [&](double period) {
+    return is_read([&](Timeline& t) { t.clocks[1].period_ns = period; });
+  };
+  for (const double period : {0.0, 1.0, 1e18}) EXPECT_TRUE(is_period(period)) << period;
+  for (const double period : {1e-300, 0.9, 1.1e18}) EXPECT_FALSE(is_period(period)) << period;
 }
 
 TEST_F(TimelineFile, DamageIsRefused) {

@@ -189,7 +189,10 @@ schemas::TakeDocument joined_document(const std::vector<Part>& parts, const std:
 
 store::FrameRecord shifted(store::FrameRecord record, Nanoseconds by) {
   record.time_ns += by;
-  if (record.arrival_ns != store::kUnknownTime) record.arrival_ns += by;
+  if (record.arrival_ns != store::kUnknownTime &&
+      __builtin_add_overflow(record.arrival_ns, by, &record.arrival_ns)) {
+    record.arrival_ns = store::kUnknownTime;  // journals may state any arrival
+  }
   return record;
 }
 

@@ -290,6 +290,57 @@ TEST(SalvageResult, OnlyAnInterruptedWriteIsTrustedWithoutItsRecord) {
   }
 }
 
+// Hashing the bytes for each record would take hours.
+TEST(SalvageResult, EachFrameIsHashedOnceHoweverManyRecordsStateIt) {
+  constexpr std::size_t kCount = 400'000;
+  const std::vector<std::byte> frame(400, std::byte{0x55});
+  PairBytes pair;
+  pair.archive = matroska::make_header(testing::description()).bytes;
+  const std::uint64_t first = pair.archive.size() + matroska::kClusterHeaderBytes;
+  const auto cluster = matroska::make_cluster_header(1000, frame.size());
+  for (std::size_t i = 0; i < kCount; ++i) {
+    pair.archive.insert(pair.archive.end(), cluster.begin(), cluster.end());
+    pair.archive.insert(pair.archive.end(), frame.begin(), frame.end());
+  }
+  const auto header = journal::encode_header(testing::description());
+  const auto saved_with = [&](std::uint64_t offset, std::size_t size) {
+    FrameRecord record{1000, offset, static_cast<std::uint32_t>(size)};
+    pair.journal.assign(header.begin(), header.end());
+    for (std::size_t i = 0; i < kCount; ++i) {
+      record.xxh3 = i;  // wrong
+      const auto bytes = journal::encode_record(record);
+      pair.journal.insert(pair.journal.end(), bytes.begin(), bytes.end());
+    }
+    return salvage_archive(pair.pair());
+  };
+  const auto count = static_cast<std::int64_t>(kCount);
+  EXPECT_EQ(saved_with(pair.archive.size(), frame.size()).truncated_frames, count);
+  EXPECT_EQ(saved_with(first, pair.archive.size() - first).corrupt_frames, count);
+}
+
+TEST(SalvageResult, AMovedFrameIsFoundAmongOthersOfItsTimeAndSize) {
+  const testing::TestFolder folder;
+  const auto pair_of = [&](int value) {  // one frame of 50 equal bytes
+    const std::string name = (folder.path() / std::to_string(value)).string();
+    const std::vector<std::byte> frame(50, static_cast<std::byte>(value));
+    ArchiveWriter out(name + ".mkv", name + ".journal", testing::description());
+    out.append(frame, 1000);
+    return PairBytes{testing::bytes_of(name + ".mkv"), testing::bytes_of(name + ".journal"), true};
+  };
+  PairBytes pair = pair_of(2);  // its record remains
+  const auto header =
+      static_cast<std::ptrdiff_t>(matroska::make_header(testing::description()).bytes.size());
+  const std::vector<std::byte> cluster(pair.archive.begin() + header, pair.archive.end());
+  const std::vector<std::byte> other = pair_of(1).archive;
+  pair.archive = other;
+  for (int i = 0; i < 2; ++i) {
+    pair.archive.insert(pair.archive.end(), cluster.begin(), cluster.end());
+  }
+  const SalvageResult saved = salvage_archive(pair.pair());
+  ASSERT_EQ(saved.records.size(), 1u);
+  EXPECT_EQ(saved.records[0].offset, other.size() + matroska::kClusterHeaderBytes);
+}
+
 TEST(SalvageResult, RefusesTheFilesOfAnotherCamera) {
   PairBytes pair = make_pair(3, true);
   ArchivePair foreign = pair.pair();

@@ -12,6 +12,7 @@
 #include <array>
 #include <map>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "base/error.h"
@@ -170,26 +171,37 @@ class Salvager {
     return record.size > 0 && record.offset >= matroska::kClusterHeaderBytes &&
            record.offset <= archive_.size() && record.size <= archive_.size() - record.offset;
   }
-  bool has_its_hash(const FrameRecord& record) const {
-    return lies_within(record) && hash_of(archive_, record) == record.xxh3;
+  // Returns whether the frame is where the record says.
+  bool is_in_place(const FrameRecord& record) {
+    if (!lies_within(record)) return false;
+    // Frames do not overlap, but the records of a hostile journal may all state the whole archive.
+    constexpr std::uint64_t kMaxOverlap = 16;
+    stated_bytes_ += record.size;
+    if (stated_bytes_ / kMaxOverlap > archive_.size()) return false;
+    return hash_of(archive_, record) == record.xxh3;
   }
   void occupy(std::size_t offset, std::size_t size) {
     places_.push_back({offset - matroska::kClusterHeaderBytes, offset + size});
   }
 
-  // Finds the frame at the journal's offset or, if bytes were lost or inserted before it, at a
-  // cluster with this time and hash.
-  bool locate(FrameRecord& record) const {
-    if (has_its_hash(record)) return true;
-    auto frame = std::ranges::lower_bound(found_, record.time_ns, {}, &matroska::FoundFrame::time);
-    for (; frame != found_.end() && frame->time == record.time_ns; ++frame) {
-      FrameRecord moved = record;
-      moved.offset = frame->offset;
-      if (frame->size != record.size || !has_its_hash(moved)) continue;
-      record = moved;
-      return true;
+  // Finds the frame at the journal's offset or, if bytes were lost or inserted before it, at the
+  // first cluster with this time, size and hash.
+  bool locate(FrameRecord& record) {
+    if (is_in_place(record)) return true;
+    if (hashed_times_.insert(record.time_ns).second) hash_found(record.time_ns);
+    const auto moved = offsets_.find({record.time_ns, record.size, record.xxh3});
+    if (moved == offsets_.end()) return false;
+    record.offset = moved->second;
+    return true;
+  }
+  // Hashes the clusters of a time, each once, however many records state this time.
+  void hash_found(Nanoseconds time) {
+    auto frame = std::ranges::lower_bound(found_, time, {}, &matroska::FoundFrame::time);
+    for (; frame != found_.end() && frame->time == time; ++frame) {
+      const FrameRecord record{time, frame->offset, static_cast<std::uint32_t>(frame->size)};
+      if (!lies_within(record)) continue;
+      offsets_.try_emplace({time, record.size, hash_of(archive_, record)}, record.offset);
     }
-    return false;
   }
 
   void take_record(FrameRecord record) {
@@ -298,6 +310,10 @@ class Salvager {
   matroska::Header header_;
   std::vector<matroska::FoundFrame> found_;  // by time
   Journal journal_;
+  std::uint64_t stated_bytes_ = 0;      // of the records' frames
+  std::set<Nanoseconds> hashed_times_;  // whose clusters are in offsets_
+  /// Offsets of frames by time, size and XXH3.
+  std::map<std::tuple<Nanoseconds, std::uint32_t, std::uint64_t>, std::uint64_t> offsets_;
   std::set<Nanoseconds> listed_times_;
   std::uint64_t last_listed_ = 0;  // offset of the last frame in the journal
   std::vector<Place> places_;      // of saved frames, at the end also of corrupt ones

@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "store/processing/sync/clock_steps.h"
 #include "testing/store/simulated_stamps.h"
 
 namespace raystage::store {
@@ -249,6 +250,40 @@ TEST(ClockFit, ALongGapLeavesTheRhythm) {
   const ClockFit fit = fit_clocks({times}, {0}).cameras[0];
   EXPECT_TRUE(fit.regular);
   EXPECT_NEAR(fit.lattice.period, 33.3e6, 1e3);
+}
+
+// Testing every second period of a gap would take years.
+TEST(ClockFit, AGapMayHaveAnyLength) {
+  const auto steps_with = [](double gap) {
+    std::vector<std::vector<double>> times(2);
+    for (std::size_t c = 0; c < times.size(); ++c) {
+      for (int i = 0; i < 240; ++i) {
+        const double step = i < 160 ? 0 : 13e6;  // in the middle of the frames after the gap
+        times[c].push_back(i * 33.3e6 + static_cast<double>(c) * 5e6 + (i % 3) * 1e4 + step +
+                           (i < 80 ? 0 : gap));
+      }
+    }
+    const std::vector<double> periods(2, 33.3e6);
+    std::vector<std::size_t> frames;
+    for (const DetectedPhaseStep& step : find_phase_steps(times, periods, {7, 0.02})) {
+      EXPECT_NEAR(step.step, 13e6, 1e5) << gap;
+      frames.insert(frames.end(), step.first_frame.begin(), step.first_frame.end());
+    }
+    return frames;
+  };
+  for (const double periods : {0.0, 90.0, 100.0, 1900.0, 2100.0, 1e6, 1e8}) {
+    EXPECT_EQ(steps_with(periods * 33.3e6), (std::vector<std::size_t>{160, 160})) << periods;
+  }
+  // 104 days after frames that are one nanosecond apart, and where a double rounds to 16 ns.
+  for (const double late : {8.9856e15, 1e17}) {
+    EXPECT_FALSE(fit_clocks({{0, 1, 2, late}}, {0}).cameras[0].regular) << late;
+    std::vector<double> times;
+    for (const double begin : {0.0, late}) {
+      for (int i = 0; i < 40; ++i) times.push_back(begin + i);
+    }
+    const double period = 1;
+    EXPECT_TRUE(find_phase_steps({{times}}, {&period, 1}, {9, 0.1}).empty()) << late;
+  }
 }
 
 TEST(CountFrames, LateFramesMoveBackExtraOnesHaveNoSlot) {

@@ -4,7 +4,8 @@
 // phases of 24 frames before and after are compared, weighted by their circular variance (Mardia),
 // and pooled over cameras. The most significant instants are kept; each camera's first frame after
 // the shift is the split that fits both phases best. Input: increasing times and periods, ns.
-// Output: shifts modulo the period. Cost: O(frames log frames), by prefix sums of phasors.
+// Output: shifts modulo the period. Cost: O(frames log frames) for each camera, by prefix sums of
+// phasors.
 #include "store/processing/sync/clock_steps.h"
 
 #include <algorithm>
@@ -27,6 +28,7 @@ constexpr std::size_t kWindow = 24, kMinFrames = 12;  // frames on each side
 constexpr std::size_t kGuard = 6;  // excluded frames next to a shift, whose position is not exact
 constexpr double kGridStep = 2;    // periods between tested instants
 constexpr double kSamePeriod = 0.01;
+constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kAgreeingShare = 0.75;
 
 // Prefix sums of phasors: the mean phase of any window is one subtraction.
@@ -44,6 +46,13 @@ class PhaseSums {
   double time(std::size_t i) const { return times_[i]; }
   double period() const { return period_; }
   bool runs_at(double time) const { return times_.front() <= time && time <= times_.back(); }
+  // Returns the end of the gap at `time`: the last instant before the next one with windows.
+  double empty_until(double time) const {
+    for (std::size_t at = first_at(time); at < size(); ++at) {
+      if (windows(at)) return times_[at - 1];
+    }
+    return kNever;
+  }
   std::size_t first_at(double time) const {
     return static_cast<std::size_t>(std::ranges::lower_bound(times_, time) - times_.begin());
   }
@@ -90,7 +99,7 @@ std::optional<Difference> difference_at(const PhaseSums& camera, double time) {
 
 struct Pooled {
   double angle = 0, score = 0;
-  bool agreed = false;
+  bool agreed = false, is_empty = false;  // is_empty: no camera has windows
 };
 
 Pooled pool(std::span<const PhaseSums> cameras, double time) {
@@ -106,8 +115,9 @@ Pooled pool(std::span<const PhaseSums> cameras, double time) {
     sum += std::polar(1 / d->variance, d->angle);
     weight += 1 / d->variance;
   }
+  if (differences.empty()) return {.is_empty = true};
   // At least half of the running cameras are needed, and never one alone in a group.
-  if (2 * differences.size() < running || differences.empty()) return {};
+  if (2 * differences.size() < running) return {};
   if (cameras.size() > 1 && differences.size() == 1) return {};
   Pooled pooled;
   pooled.angle = std::arg(sum);
@@ -119,6 +129,42 @@ Pooled pool(std::span<const PhaseSums> cameras, double time) {
       static_cast<double>(agree) >= kAgreeingShare * static_cast<double>(differences.size());
   return pooled;
 }
+
+// The tested instants: a grid over the frames of the cameras, without long gaps in which no camera
+// has windows. Cost: O(frames) for any times.
+class Instants {
+ public:
+  Instants(std::span<const PhaseSums> cameras, double begin, double end, double step)
+      : cameras_(cameras),
+        time_(begin),
+        end_(end),
+        step_(std::max(step, resolution(std::max(std::abs(begin), std::abs(end))))),
+        empty_until_(cameras.size(), begin) {}
+  bool is_any() const { return time_ <= end_; }
+  double time() const { return time_; }
+  void advance() { time_ += step_; }
+  // Moves from an instant without windows to the last one before the next windows.
+  void skip_gap() {
+    double last = end_;
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      if (empty_until_[c] < time_) empty_until_[c] = cameras_[c].empty_until(time_);
+      last = std::min(last, empty_until_[c]);
+    }
+    // A short gap step by step, which rounds as if its instants were tested.
+    constexpr double kLong = 1000;
+    const double steps = std::floor((last - time_) / step_);
+    if (steps > kLong) time_ += (steps - 1) * step_;
+    while (time_ + step_ <= last) advance();
+  }
+
+ private:
+  // A smaller step would be lost in rounding.
+  static double resolution(double time) { return std::nextafter(time, kNever) - time; }
+
+  std::span<const PhaseSums> cameras_;
+  double time_, end_, step_;
+  std::vector<double> empty_until_;  // of each camera, from some earlier instant on
+};
 
 // The phases of a camera before and after a shift, without the frames next to it.
 struct Sides {
@@ -231,11 +277,13 @@ std::vector<DetectedPhaseStep> find_phase_steps(std::span<const std::vector<doub
     double time, angle, score;
   };
   std::vector<Candidate> candidates;
-  for (double time = begin; time <= end; time += kGridStep * period) {
-    const Pooled pooled = pool(cameras, time);
+  for (Instants instants(cameras, begin, end, kGridStep * period); instants.is_any();
+       instants.advance()) {
+    const Pooled pooled = pool(cameras, instants.time());
+    if (pooled.is_empty) instants.skip_gap();
     if (pooled.score < options.min_z_score || !pooled.agreed) continue;
     if (std::abs(pooled.angle) < kTurn * options.min_period_fraction) continue;
-    candidates.push_back({time, pooled.angle, pooled.score});
+    candidates.push_back({instants.time(), pooled.angle, pooled.score});
   }
   // By decreasing score; candidates with overlapping windows belong to the same shift.
   std::ranges::stable_sort(candidates, std::greater(), &Candidate::score);

@@ -14,6 +14,7 @@ namespace {
 constexpr double kMinGain = 12;  // of log likelihood
 constexpr double kMinLoss = 0.1, kMinRatio = 3, kMinLost = 5;
 constexpr double kMaxBins = 10'000'000;
+constexpr double kMaxLost = 1e9;  // of all cameras; no recording loses as many
 
 // Returns the binomial log likelihood of `lost` of `all` frames at the rate lost / all.
 double log_likelihood(double lost, double all) {
@@ -49,6 +50,24 @@ bool begins_with_losses(std::span<const double> lost, std::span<const double> pr
     return missing / std::max(1.0, missing + sum(present, end));
   };
   return rate(quarter) >= rate(split) / kMinRatio;
+}
+
+std::optional<Nanoseconds> first_time(std::span<const Nanoseconds> times) {
+  const auto first = std::ranges::find_if(times, [](auto time) { return time != kExcludedTime; });
+  return first == times.end() ? std::nullopt : std::optional(*first);
+}
+
+// Returns the number of lost frames of all cameras that find_start_up_end() would count.
+double count_lost(std::span<const CameraSync> cameras, const std::vector<CameraClock>& clocks,
+                  const std::vector<std::vector<Nanoseconds>>& times, const TimeRange& range) {
+  double count = 0;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const auto first = first_time(times[c]);
+    if (!cameras[c].regular || !first) continue;
+    count += std::max(0.0, static_cast<double>(*first - range.begin) / clocks[c].period_ns);
+    for (const LostRun& run : cameras[c].lost) count += static_cast<double>(run.count);
+  }
+  return count;
 }
 
 }  // namespace
@@ -90,6 +109,7 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
                                              const TimeRange& range, double period) {
   const double length = static_cast<double>(range.end - range.begin) / period;
   if (!(length >= 3) || length > kMaxBins) return std::nullopt;
+  if (count_lost(cameras, clocks, times, range) > kMaxLost) return std::nullopt;
   const auto bins = static_cast<std::size_t>(length);
   std::vector<double> lost(bins, 0), present(bins, 0);
   const auto bin_of = [&](double time) {
@@ -102,13 +122,11 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     if (!cameras[c].regular) continue;
     const double own = clocks[c].period_ns;
-    std::optional<Nanoseconds> first;
-    for (const Nanoseconds time : times[c]) {
-      if (time == kExcludedTime) continue;
-      if (!first) first = time;
-      add(present, static_cast<double>(time));
-    }
+    const auto first = first_time(times[c]);
     if (!first) continue;
+    for (const Nanoseconds time : times[c]) {
+      if (time != kExcludedTime) add(present, static_cast<double>(time));
+    }
     for (double time = static_cast<double>(*first) - own; time >= static_cast<double>(range.begin);
          time -= own) {
       add(lost, time);

@@ -21,7 +21,8 @@ LostRun find_lost_run_between(const CameraTimestamps& camera, const CameraClock&
 /// Returns the end of the start-up. Before it, from the beginning on, at least a tenth of the
 /// frames are lost. After it the rate of losses is at most a third of that. The maximum of the
 /// likelihood determines the time. Cameras that start after `range.begin` count as losing frames
-/// until they start. `period`: of the ticks, ns.
+/// until they start. `period`: of the ticks, ns. Returns nullopt without such a time, and for more
+/// ticks or lost frames than a recording can have.
 std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras,
                                              const std::vector<CameraClock>& clocks,
                                              const std::vector<std::vector<Nanoseconds>>& times,

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "store/processing/sync/losses.h"
 #include "testing/store/simulated_stamps.h"
 
 namespace raystage::store::resync_test {
@@ -291,6 +292,20 @@ TEST(ResyncResult, ACameraThatDiesIsAbsentFromThenOn) {
   EXPECT_EQ(result.timeline.ticks.back().frame, (std::vector<std::int32_t>{299, -1, 299}));
   EXPECT_EQ(result.timeline.ticks[149].present(), 3);
   EXPECT_EQ(result.timeline.ticks[150].present(), 2);
+}
+
+// A step for each of the 4.5e15 periods, or for each of 3.6e12 lost frames, would take years.
+TEST(ResyncResult, AbsurdRatesEnd) {
+  EXPECT_THROW(resynchronise(cameras_at({{0, 1, 2, 8'985'600'000'000'000}}), {}, "test"), Error);
+  const std::vector<Nanoseconds> late{3600 * kNanosecondsPerSecond};
+  CameraSync camera;
+  camera.regular = true;
+  CameraClock clock;
+  clock.period_ns = 1;
+  EXPECT_FALSE(find_start_up_end({{camera}}, {clock}, {late}, {0, late[0]}, 1e9));
+  clock.period_ns = 1e9;
+  camera.lost = {{1, 4'000'000'000'000, 0}};
+  EXPECT_FALSE(find_start_up_end({{camera}}, {clock}, {late}, {0, late[0]}, 1e9));
 }
 
 TEST(ResyncResult, ConstantStamps) {

@@ -17,21 +17,13 @@ namespace {
 
 constexpr std::size_t kMinFramesToFit = 32;  // with fewer, time stamps are more accurate
 
-void add_step(CameraClock& clock, const ClockStep& step) {
-  if (!clock.steps.empty() && clock.steps.back().time_ns == step.time_ns) {
-    clock.steps.back().step_ns += step.step_ns;
-  } else {
-    clock.steps.push_back(step);
-  }
-}
-
 CameraClock clock_of(const CameraTimestamps& camera, const ClockFit& fit, Nanoseconds offset,
                      Nanoseconds base) {
   CameraClock clock;
   clock.offset_ns = offset;
   for (const PhaseStep& b : fit.phase_steps) {
     if (b.group_step < 0 || b.first_frame >= camera.stamps.size()) continue;
-    add_step(clock, {camera.stamps[b.first_frame], std::llround(b.step)});
+    clock.steps.add({camera.stamps[b.first_frame], std::llround(b.step)});
   }
   if (!fit.regular) return clock;
   clock.period_ns = fit.lattice.period;
@@ -97,18 +89,18 @@ CameraSync sync_of(const CameraTimestamps& camera, const ClockFit& fit, const Ca
 
 // Returns the clock steps of a camera. A step persists, so each step of a group is listed once: at
 // the camera's first frame after it.
-std::vector<ClockStep> steps_of(const CameraTimestamps& camera, std::span<const ClockSegment> parts,
-                                std::span<const ClockFit> fits) {
-  CameraClock clock;
+ClockSteps steps_of(const CameraTimestamps& camera, std::span<const ClockSegment> parts,
+                    std::span<const ClockFit> fits) {
+  ClockSteps steps;
   std::set<std::pair<int, int>> known;
   for (std::size_t p = 0; p < parts.size(); ++p) {
     for (const PhaseStep& b : fits[p].phase_steps) {
       if (b.group_step < 0 || b.first_frame >= parts[p].count) continue;
       if (!known.insert({parts[p].group, b.group_step}).second) continue;
-      add_step(clock, {camera.stamps[parts[p].first + b.first_frame], std::llround(b.step)});
+      steps.add({camera.stamps[parts[p].first + b.first_frame], std::llround(b.step)});
     }
   }
-  return clock.steps;
+  return steps;
 }
 
 // First and last time that are not excluded.

@@ -10,6 +10,8 @@
 #include <new>
 #include <utility>
 
+#include "base/error.h"
+
 namespace raystage::ingest {
 namespace {
 
@@ -122,31 +124,67 @@ ArchiveWriterThread::BatchResult ArchiveWriterThread::write_batch(std::size_t ca
 /// Writes all frames, or as many as fit. Returns their number.
 std::size_t ArchiveWriterThread::write(std::size_t camera,
                                        std::span<const FrameQueue::Frame> frames) {
-  if (append(camera, frames)) return frames.size();
+  const AppendResult result = append(camera, frames);
+  if (result == AppendResult::kWritten) return frames.size();
   std::size_t written = 0;
-  if (frames.size() == 1) return written;
-  while (written < frames.size() && append(camera, frames.subspan(written, 1))) ++written;
+  if (frames.size() == 1) {
+    if (result == AppendResult::kRejected && record_rejected(camera, *frames[0])) ++written;
+  } else {
+    while (written < frames.size() && write(camera, frames.subspan(written, 1)) == 1) ++written;
+  }
   return written;
 }
 
-bool ArchiveWriterThread::append(std::size_t camera, std::span<const FrameQueue::Frame> frames) {
+/// Records a frame that the archive rejects as dropped, at the time of the last record. Returns
+/// false if the disk does not accept that.
+bool ArchiveWriterThread::record_rejected(std::size_t camera, const QueuedFrame& frame) {
+  const Camera& rejecting = cameras_[camera];
+  std::string reason;
+  exception_message([&] {
+    const std::scoped_lock lock(write_error_mutex_);
+    reason = write_errors_[camera];
+  });
+  QueuedFrame missing;
+  missing.status = frame.has_image() ? store::FrameStatus::kDroppedDiskFull : frame.status;
+  missing.time_ns = std::max<Nanoseconds>(0, rejecting.archive.last_time());
+  missing.origin = frame.origin;
+  const std::array<FrameQueue::Frame, 1> record{FrameQueue::Frame(FrameQueue::Frame(), &missing)};
+  const AppendResult result = append(camera, record);
+  if (result == AppendResult::kFailed) return false;
+  if (options_.writer != 0) return true;  // each copy rejects the frame: it is counted once
+  if (frame.has_image()) ++rejecting.counters.dropped;
+  if (result == AppendResult::kRejected) ++rejecting.counters.unrecorded;
+  if (!std::exchange(retry_states_[camera].rejection_reported, true)) {
+    exception_message([&] { rejecting.counters.add_event("a frame was rejected: " + reason); });
+  }
+  return true;
+}
+
+ArchiveWriterThread::AppendResult ArchiveWriterThread::append(
+    std::size_t camera, std::span<const FrameQueue::Frame> frames) {
   std::uint64_t bytes = 0;
+  bool is_rejected = false;
   std::string write_error = exception_message([&] {
     std::vector<store::NewFrame> batch;
     for (const auto& frame : frames) {
       batch.push_back({frame->time_ns, frame->jpeg, frame->status, frame->origin});
       bytes += frame->jpeg.size();
     }
-    cameras_[camera].archive.append(batch);
+    try {
+      cameras_[camera].archive.append(batch);
+    } catch (const Error& error) {
+      is_rejected = error.exit_code() == ExitCode::kBadInput;
+      throw;
+    }
   });
   const bool written = write_error.empty();
   set_write_error(camera, std::move(write_error));
-  if (!written) return false;
+  if (!written) return is_rejected ? AppendResult::kRejected : AppendResult::kFailed;
   bytes_written_.fetch_add(bytes, std::memory_order_relaxed);
   for (const auto& frame : frames) {
     written_counts_[camera].count[static_cast<std::size_t>(frame->status)].fetch_add(1);
   }
-  return true;
+  return AppendResult::kWritten;
 }
 
 void ArchiveWriterThread::set_write_error(std::size_t camera, std::string text) {
@@ -180,7 +218,10 @@ bool ArchiveWriterThread::write_remaining(const std::function<void(double)>& pro
   writer_ = {};  // joins: from here on the calling thread writes
   flusher_ = {};
   const std::size_t all = waiting();
-  for (RetryState& turns : retry_states_) turns = {.last_write = Clock::now(), .retry_at = {}};
+  for (RetryState& turns : retry_states_) {
+    turns.last_write = Clock::now();
+    turns.retry_at = {};
+  }
   while (const std::size_t left = waiting()) {
     if (progress) progress(1 - static_cast<double>(left) / static_cast<double>(all));
     if (write_pending() != WriteResult::kNothing) continue;
@@ -217,17 +258,17 @@ void ArchiveWriterThread::drop_remaining() {
   const std::array<FrameQueue::Frame, 1> record_of_missing{
       FrameQueue::Frame(FrameQueue::Frame(), &missing)};
   const auto append_record = [&](std::size_t camera, std::span<const FrameQueue::Frame> record) {
-    if (append(camera, record)) return true;
+    if (append(camera, record) == AppendResult::kWritten) return true;
     if (!std::exchange(reserve_is_whole, false)) return false;
     options_.release_reserved_space();
-    return append(camera, record);
+    return append(camera, record) == AppendResult::kWritten;
   };
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     FrameQueue& queue = cameras_[i].queue;
     const auto next = [&] { return queue.start_writing(1, options_.writer); };
     for (auto front = next(); !front.empty(); front = next()) {
       const bool picture = front[0]->has_image();
-      if (!picture || !reserve_is_whole || !append(i, front)) {
+      if (!picture || !reserve_is_whole || append(i, front) != AppendResult::kWritten) {
         missing.status = picture ? store::FrameStatus::kDroppedDiskFull : front[0]->status;
         missing.time_ns = front[0]->time_ns;
         missing.origin = front[0]->origin;

@@ -22,7 +22,7 @@ namespace raystage::ingest {
 /// Writes frames from memory to the archives, in a thread of its own. A slow or full disk delays
 /// only this thread. Frames stay in memory until they can be written; without free memory the
 /// capture threads drop frames. An archive that refuses writes does not delay the archives of other
-/// cameras.
+/// cameras. A frame that no archive can have is recorded as dropped, and not tried again.
 class ArchiveWriterThread {
  public:
   struct Camera {
@@ -74,6 +74,7 @@ class ArchiveWriterThread {
   };
   struct RetryState {
     std::chrono::steady_clock::time_point last_write, retry_at;
+    bool rejection_reported = false;
   };
   void write_loop(const std::stop_token& stop);
   void flush_loop(const std::stop_token& stop);
@@ -85,7 +86,13 @@ class ArchiveWriterThread {
   };
   BatchResult write_batch(std::size_t camera);
   std::size_t write(std::size_t camera, std::span<const FrameQueue::Frame> frames);
-  bool append(std::size_t camera, std::span<const FrameQueue::Frame> frames);
+  enum class AppendResult {
+    kWritten,
+    kFailed,   // the disk did not accept the frames, or there is no memory
+    kRejected  // one of them has no valid time or size
+  };
+  AppendResult append(std::size_t camera, std::span<const FrameQueue::Frame> frames);
+  bool record_rejected(std::size_t camera, const QueuedFrame& frame);
   void wait_before_next_pass(const std::stop_token& stop);
   void set_write_error(std::size_t camera, std::string text);
   std::size_t waiting() const;

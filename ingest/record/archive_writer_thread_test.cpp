@@ -30,9 +30,10 @@ class Flow : public ::testing::Test {
                              store::ArchiveWriter::Description{id, 64, 48, 0});
     }
   }
-  void push(std::size_t camera, std::size_t bytes) {
+  void push(std::size_t camera, std::size_t bytes) { push_at(++last_time_, camera, bytes); }
+  void push_at(Nanoseconds time, std::size_t camera, std::size_t bytes) {
     auto frame = std::make_shared<QueuedFrame>();
-    frame->time_ns = ++last_time_;
+    frame->time_ns = time;
     frame->jpeg.resize(bytes, std::byte{1});
     queues[camera].push(std::move(frame));
   }
@@ -71,6 +72,26 @@ TEST_F(Flow, AnArchiveThatRefusesHoldsUpNoOther) {
   EXPECT_EQ(counters[0].dropped, kFrames);
   EXPECT_EQ(counters[0].unrecorded, kFrames);
   EXPECT_EQ(counters[1].dropped + counters[2].dropped, 0U);
+}
+
+TEST_F(Flow, WhatNoArchiveCanHoldIsRecordedAsDroppedAndNotRetried) {
+  push(0, 1000);
+  push_at(Nanoseconds{1} << 60, 0, 1000);  // after 36 years
+  push_at((Nanoseconds{1} << 60) + 1, 0, 1000);
+  ArchiveWriterThread writing = flow({.flush_interval_s = 0});
+  const auto deadline = std::chrono::steady_clock::now() + 20s;
+  while (!queues[0].empty() && std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(1ms);
+  }
+  EXPECT_TRUE(queues[0].empty()) << "frames keep memory that other cameras need";
+  writing.drain({});
+  EXPECT_EQ(writing.written(0, store::FrameStatus::kStored), 1U);
+  EXPECT_EQ(writing.written(0, store::FrameStatus::kDroppedDiskFull), 2U);
+  EXPECT_EQ(writing.write_error(), "");
+  EXPECT_EQ(counters[0].dropped, 2U);
+  EXPECT_EQ(counters[0].unrecorded, 0U);
+  ASSERT_EQ(counters[0].events().size(), 1U) << "one for all of them";
+  EXPECT_THAT(counters[0].events()[0].what, HasSubstr("104 days"));
 }
 
 TEST_F(Flow, AtTheEndEveryOtherIsWrittenToo) {

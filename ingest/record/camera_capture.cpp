@@ -53,7 +53,9 @@ CameraCapture::CameraCapture(const Options& options, std::unique_ptr<FrameSource
       reopen_(std::move(reopen)),
       pipeline_(std::move(pipeline)),
       clock_(options.epoch_utc, options.last_time),
-      reconnect_backoff_(options.reconnect) {}
+      reconnect_backoff_(options.reconnect) {
+  if (source_) clock_.reset_device(source_->description().fps);
+}
 
 void CameraCapture::run(const std::stop_token& stop) {
   const std::stop_callback interrupt(stop, [this] {
@@ -157,7 +159,7 @@ bool CameraCapture::reconnect(const std::stop_token& stop, std::string_view conn
       replace_source(std::move(source));
       pipeline_.counters.set_description(description);
       pipeline_.counters.is_absent = false;
-      clock_.reset_device_clock();
+      clock_.reset_device(description.fps);
       pipeline_.counters.state = CameraCounters::State::kRunning;
       pipeline_.counters.add_event(
           fmt::format("{} after {:.1f} s", connected, seconds(Clock::now() - start)));
@@ -207,6 +209,22 @@ store::FrameStatus CameraCapture::check(const SourceFrame& frame) {
   return status;
 }
 
+/// Adds an event for the first step of the device's clock and the first jump of its counter. A
+/// faulty device may have one with every frame.
+void CameraCapture::report_steps(const FrameTimestamper::Stamp& stamp) {
+  if (stamp.clock_stepped && !std::exchange(clock_step_reported_, true)) {
+    pipeline_.counters.add_event(
+        "the device's clock stepped by more than a minute: it is aligned to the host's clock again "
+        "(further steps are only counted, as corrected time stamps)");
+  }
+  if (stamp.counter_jumped && !std::exchange(counter_jump_reported_, true)) {
+    pipeline_.counters.add_event(
+        fmt::format("the device's frame counter jumped to {}: no frames count as dropped for that, "
+                    "nor for further jumps",
+                    stamp.sequence));
+  }
+}
+
 MemoryBudget::Reservation CameraCapture::reserve_memory(std::size_t bytes) {
   MemoryBudget::Reservation reservation = pipeline_.memory.try_reserve(bytes);
   if (!reservation && pipeline_.free_memory && pipeline_.free_memory())
@@ -239,6 +257,7 @@ void CameraCapture::take(SourceFrame frame) {
   const Nanoseconds before = clock_.last_time();
   const FrameTimestamper::Stamp stamp = clock_.stamp(frame);
   if (stamp.corrected) ++pipeline_.counters.corrected_timestamps;
+  report_steps(stamp);
   for (std::uint64_t i = 0; i < stamp.skipped; ++i) {
     ++pipeline_.counters.skipped_by_source;
     push_missing_record(store::FrameStatus::kDroppedBySource,

@@ -40,7 +40,7 @@ struct CameraCounters {
   std::atomic<std::uint64_t> arrived = 0;               ///< frames that the source delivered
   std::atomic<std::uint64_t> dropped = 0;               ///< of these, not to be stored (any reason)
   std::atomic<std::uint64_t> skipped_by_source = 0;     ///< gaps in the source's own counter
-  std::atomic<std::uint64_t> corrected_timestamps = 0;  ///< moved 1 ns after the previous frame
+  std::atomic<std::uint64_t> corrected_timestamps = 0;  ///< FrameTimestamper::Stamp::corrected
   std::atomic<std::uint64_t> unrecorded = 0;  ///< lost without a record: the audit requires 0
 
   void add_event(std::string what);
@@ -107,6 +107,7 @@ class CameraCapture {
   bool push(SourceFrame& frame, const FrameTimestamper::Stamp& stamp,
             MemoryBudget::Reservation reservation);
   store::FrameStatus check(const SourceFrame& frame);
+  void report_steps(const FrameTimestamper::Stamp& stamp);
   MemoryBudget::Reservation reserve_memory(std::size_t bytes);
   MemoryBudget::Reservation wait_for_memory(std::size_t bytes);
   void push_missing_record(store::FrameStatus status, Nanoseconds time, store::FrameOrigin origin);
@@ -123,6 +124,7 @@ class CameraCapture {
   std::stop_token stop_;                     // of run()
   bool memory_was_freed_ = true;             // false: the last wait for memory timed out
   bool size_warning_given_ = false;
+  bool clock_step_reported_ = false, counter_jump_reported_ = false;
 };
 
 }  // namespace raystage::ingest

@@ -7,6 +7,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <limits>
 #include <thread>
 
 #include "ingest/record/clock_sync.h"
@@ -107,8 +108,54 @@ TEST(FrameTimestamper, TakesTheDevicesClockWithItsFirstOffset) {
   const auto second = clock.stamp(arrival(1720, 277));  // arrived 20 late
   EXPECT_EQ(second.time_ns, 700);
   EXPECT_EQ(second.arrival_ns, 720);
-  clock.reset_device_clock();
+  clock.reset_device(0);
   EXPECT_EQ(clock.stamp(arrival(2000, 5)).time_ns, 1000);
+}
+
+constexpr Nanoseconds kSecond = kNanosecondsPerSecond;
+
+TEST(FrameTimestamper, AlignsAClockThatStepsToTheHostsAgain) {
+  constexpr Nanoseconds kHugeStep = (Nanoseconds{1} << 31) * kSecond / 90000;  // RTP's half range
+  constexpr Nanoseconds kInterval = kSecond / 25;
+  FrameTimestamper clock(0);
+  for (Nanoseconds i = 0; i < 1000; ++i) {
+    const auto stamp = clock.stamp(arrival(i * kInterval, i * (kInterval + kHugeStep)));
+    ASSERT_EQ(stamp.time_ns, i * kInterval);
+    ASSERT_EQ(stamp.clock_stepped, i > 0);
+    ASSERT_EQ(stamp.corrected, i > 0);
+  }
+  constexpr Nanoseconds kLeast = std::numeric_limits<Nanoseconds>::min();
+  Nanoseconds now = 1000 * kInterval;
+  for (const Nanoseconds device : {Nanoseconds{1}, Nanoseconds{1} << 62, kLeast, -(kLeast + 1)}) {
+    now += kInterval;
+    EXPECT_EQ(clock.stamp(arrival(now, device)).time_ns, now) << device;
+  }
+}
+
+TEST(FrameTimestamper, KeepsDriftAndSmallSteps) {
+  FrameTimestamper clock(0);
+  for (Nanoseconds i = 0; i < 10 * 3600; ++i) {
+    const auto stamp = clock.stamp(arrival(i * kSecond, i * kSecond * 101 / 100));
+    ASSERT_EQ(stamp.time_ns, i * kSecond * 101 / 100);
+    ASSERT_FALSE(stamp.corrected);
+  }
+  clock.reset_device(0);
+  EXPECT_EQ(clock.stamp(arrival(40000 * kSecond, 0)).time_ns, 40000 * kSecond);
+  EXPECT_EQ(clock.stamp(arrival(40001 * kSecond, 51 * kSecond)).time_ns, 40051 * kSecond);
+  // The host's clock is set back by an hour.
+  const auto set_back = clock.stamp(arrival(36402 * kSecond, 52 * kSecond));
+  EXPECT_EQ(set_back.time_ns, 40051 * kSecond + 1);
+  EXPECT_TRUE(set_back.corrected);
+  EXPECT_EQ(clock.stamp(arrival(36403 * kSecond, 53 * kSecond)).time_ns, 40052 * kSecond + 1);
+}
+
+TEST(FrameTimestamper, ManySmallStepsKeepTimesNearTheHosts) {
+  FrameTimestamper clock(0);
+  FrameTimestamper::Stamp last;
+  for (Nanoseconds i = 0; i < 100'000; ++i) {  // ahead by 59 s, and back, with every other frame
+    last = clock.stamp(arrival(i * kSecond / 25, i % 2 * 59 * kSecond - i / 2 * 200 * kSecond));
+  }
+  EXPECT_LT(last.time_ns, last.arrival_ns + 25 * 3600 * kSecond);
 }
 
 TEST(FrameTimestamper, TimesAlwaysIncreaseAndGapsHaveRoom) {
@@ -143,6 +190,57 @@ TEST(FrameTimestamper, CountsWhatTheSourceSkipped) {
   EXPECT_EQ(gap.sequence, 12U);
   EXPECT_EQ(clock.stamp(arrival(400, {}, 3)).skipped, 0U);  // the counter was reset
   EXPECT_EQ(clock.stamp(arrival(500, {}, std::uint64_t{1} << 60)).skipped, 0U);
+}
+
+TEST(FrameTimestamper, BelievesOfTheCounterWhatTheTimeAllows) {
+  FrameTimestamper clock(0);
+  clock.reset_device(50);
+  clock.stamp(arrival(0, {}, 1));
+  EXPECT_EQ(clock.stamp(arrival(3600 * kSecond, {}, 1 + 3600 * 50)).skipped, 3600 * 50 - 1U);
+  // The host stalled: the frames after it arrive together.
+  EXPECT_EQ(clock.stamp(arrival(3600 * kSecond + 1000, {}, 1 + 3601 * 50)).skipped, 49U);
+  std::uint64_t sequence = 200'000, skipped = 0;
+  constexpr Nanoseconds kFrames = 1000;
+  for (Nanoseconds i = 1; i <= kFrames; ++i) {
+    const auto stamp = clock.stamp(arrival(3601 * kSecond + i * kSecond / 50, {}, sequence));
+    EXPECT_TRUE(stamp.counter_jumped) << i;
+    skipped += stamp.skipped;
+    sequence += 999'999;
+  }
+  EXPECT_EQ(skipped, 0U);
+  // As many as can be without a jump: no more than twice the frames of this time.
+  for (Nanoseconds i = 1; i <= kFrames; ++i) {
+    const std::uint64_t next = sequence + 100;
+    const auto stamp = clock.stamp(arrival(3700 * kSecond + i * kSecond / 50, {}, next));
+    skipped += stamp.skipped;
+    sequence = next;
+  }
+  EXPECT_LT(skipped, 2 * kFrames + 300);
+}
+
+TEST(CameraCapture, ACounterOrClockThatRunsWildCostsOneEventEach) {
+  MemoryBudget memory(100'000'000), records(1'000'000);
+  FrameQueue queue;
+  EncoderPool encoders({}, 1);
+  CameraCounters counters;
+  CameraCapture::Options options;
+  options.width = 64;
+  options.height = 48;
+  CameraCapture capture(options, nullptr, nullptr,
+                        {queue, memory, records, encoders, counters, [] {}});
+  constexpr int kFrames = 20;
+  const Nanoseconds start = host_utc_now();
+  for (int i = 0; i < kFrames; ++i) {
+    SourceFrame frame = arrival(start + i * kSecond / 50, i * 3600 * kSecond,
+                                static_cast<std::uint64_t>(i) * 999'999);
+    frame.jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, 64, 48), {});
+    capture.take(std::move(frame));
+  }
+  EXPECT_EQ(counters.skipped_by_source, 0U);
+  EXPECT_EQ(counters.dropped, 0U);
+  EXPECT_EQ(counters.corrected_timestamps, kFrames - 1U);
+  EXPECT_EQ(counters.events().size(), 2U);
+  EXPECT_EQ(queue.size(), static_cast<std::size_t>(kFrames));
 }
 
 FrameQueue::Frame queued(Nanoseconds time, QueuedFrame::Stage stage) {
@@ -237,8 +335,8 @@ TEST(FrameQueue, CallsNoEncoderForWhatWasGivenUp) {
 
 TEST(CameraCapture, WaitsForRoomWhereTheSourceWaitsToo) {
   using namespace std::chrono_literals;
-  FrameQueue queue;
   MemoryBudget memory(100000), records(100000);
+  FrameQueue queue;
   EncoderPool encoders({}, 1);
   CameraCounters counters;
   CameraCapture::Options options;

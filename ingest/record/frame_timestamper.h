@@ -14,18 +14,23 @@ namespace raystage::ingest {
 class FrameTimestamper {
  public:
   explicit FrameTimestamper(Nanoseconds epoch_utc, Nanoseconds last_time = -1)
-      : epoch_utc_(epoch_utc), last_time_(last_time) {}
+      : epoch_utc_(epoch_utc), last_time_(last_time) {
+    reset_device(0);
+  }
 
   struct Stamp {
     Nanoseconds time_ns = 0;     ///< by the device's clock if it has one, else arrival
     Nanoseconds arrival_ns = 0;  ///< by the host's clock
     std::uint64_t sequence = 0;  ///< the device's counter, or arrivals counted from 0
     std::uint64_t skipped = 0;   ///< frames missing before this one, according to the counter
-    bool corrected = false;      ///< the time did not increase: it was set to the last one + 1 ns
+    /// The time did not increase and was set to the last one + 1 ns, or the device's clock stepped.
+    bool corrected = false;
+    bool clock_stepped = false;   ///< the device's, by more than a minute: its offset is a new one
+    bool counter_jumped = false;  ///< the device's, by more frames than it can have dropped
   };
   /// Returns the times and counters of the next frame. The first frame determines the offset of the
-  /// device's clock. Its drift and steps are not corrected, so that resynchronisation can measure
-  /// them.
+  /// device's clock. Its drift and smaller steps are not corrected, so that resynchronisation can
+  /// measure them.
   Stamp stamp(const SourceFrame& frame);
 
   /// Returns the time of missing frame `index` of `count`, evenly spaced between `last` and `next`.
@@ -33,12 +38,26 @@ class FrameTimestamper {
                                       std::uint64_t count);
   Nanoseconds last_time() const { return last_time_; }
   /// Forgets the device's clock and counter, which start anew. Must be called after a reconnection.
-  void reset_device_clock();
+  /// `nominal_fps`: of the device, which limits the frames that it can have dropped; 0: unknown.
+  void reset_device(double nominal_fps);
 
  private:
+  /// A frame from which the device's clock is counted.
+  struct ClockReference {
+    Nanoseconds device_time = 0, arrival_ns = 0, time_ns = 0;
+  };
+  struct Counter {
+    std::uint64_t sequence = 0;  ///< of the last frame
+    Nanoseconds arrival_ns = 0;  ///< likewise
+    double credit = 0;           ///< frames that may have been dropped without a pause
+  };
+  std::optional<Nanoseconds> time_by_device(Nanoseconds device_time, Nanoseconds arrival_ns) const;
+  void count_skipped(std::uint64_t sequence, Stamp& stamp);
+
   Nanoseconds epoch_utc_, last_time_;
-  std::optional<Nanoseconds> device_clock_offset_;
-  std::optional<std::uint64_t> last_sequence_;
+  std::optional<ClockReference> clock_reference_;
+  double most_skipped_per_s_ = 0;
+  std::optional<Counter> counter_;
   std::uint64_t arrivals_ = 0;
 };
 

@@ -18,25 +18,30 @@ namespace {
 constexpr std::int64_t kMaxFrames = 1'000'000;
 constexpr std::int64_t kMaxFrameNumber = 99'999'999;
 
+struct Range {
+  std::int64_t first = 0, last = 0, step = 1;
+};
+
 class Parser {
  public:
   explicit Parser(std::string_view text) : text_(text) {}
 
-  std::vector<int> parse() {
-    std::vector<int> frames;
+  /// Returns the ranges in the order of the text.
+  std::vector<Range> parse() {
+    std::vector<Range> ranges;
     do {
       skip_blanks();
-      parse_item(frames);
+      ranges.push_back(parse_item());
       skip_blanks();
     } while (accept(','));
     if (at_ < text_.size()) refuse_character();
-    std::sort(frames.begin(), frames.end());
-    frames.erase(std::unique(frames.begin(), frames.end()), frames.end());
-    return frames;
+    return ranges;
   }
+  /// Returns the number of frames in all ranges.
+  std::int64_t count() const { return count_; }
 
  private:
-  void parse_item(std::vector<int>& frames) {
+  Range parse_item() {
     const std::int64_t first = parse_number();
     std::int64_t last = first, step = 1;
     if (accept('-')) {
@@ -50,13 +55,11 @@ class Parser {
       fail(fmt::format("the range {}-{} is descending", first, last),
            fmt::format("Write {}-{}; frames are rendered in ascending order", last, first));
     }
-    const std::int64_t count = (last - first) / step + 1;
-    if (static_cast<std::int64_t>(frames.size()) + count > kMaxFrames) {
+    count_ += (last - first) / step + 1;
+    if (count_ > kMaxFrames) {
       fail(fmt::format("there are more than {} frames", kMaxFrames), "Request fewer frames");
     }
-    for (std::int64_t frame = first; frame <= last; frame += step) {
-      frames.push_back(static_cast<int>(frame));
-    }
+    return {first, last, step};
   }
 
   std::int64_t parse_number() {
@@ -105,11 +108,28 @@ class Parser {
 
   std::string_view text_;
   std::size_t at_ = 0;
+  std::int64_t count_ = 0;
 };
 
 }  // namespace
 
-std::vector<int> parse_frame_range(std::string_view text) { return Parser(text).parse(); }
+std::vector<int> parse_frame_range(std::string_view text) {
+  std::vector<int> frames;
+  for (const Range& range : Parser(text).parse()) {
+    for (std::int64_t frame = range.first; frame <= range.last; frame += range.step) {
+      frames.push_back(static_cast<int>(frame));
+    }
+  }
+  std::sort(frames.begin(), frames.end());
+  frames.erase(std::unique(frames.begin(), frames.end()), frames.end());
+  return frames;
+}
+
+std::int64_t frame_range_size(std::string_view text) {
+  Parser parser(text);
+  parser.parse();
+  return parser.count();
+}
 
 std::string format_frame_range(std::span<const int> frames) {
   std::string text;

@@ -47,6 +47,15 @@ TEST(FrameRange, SortsAndMerges) {
   EXPECT_THAT(parse_frame_range("5-7,1,6,5-6"), ElementsAre(1, 5, 6, 7));
 }
 
+TEST(FrameRange, IsCountedWithoutAList) {
+  EXPECT_EQ(frame_range_size("7"), 1);
+  EXPECT_EQ(frame_range_size("1,5,10-15x2"), 5);
+  EXPECT_EQ(frame_range_size("5-7,6"), 4) << "duplicates count twice";
+  EXPECT_EQ(frame_range_size("1-99999999x100"), 1'000'000);
+  EXPECT_THROW(frame_range_size("1-99999999"), Error);
+  EXPECT_THROW(frame_range_size("1-"), Error);
+}
+
 TEST(FrameRange, RefusesTheAmbiguousColonAndSaysWhy) {
   const std::string message = refusal("1-10:5");
   EXPECT_THAT(message, HasSubstr("two different things"));

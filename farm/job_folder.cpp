@@ -19,6 +19,7 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "base/resources.h"
+#include "compose/frame_range.h"
 #include "compose/sequence_name.h"
 #include "farm/path_map.h"
 
@@ -55,6 +56,20 @@ bool is_same_sequence(const std::string& a, const std::string& b) {
   });
 }
 
+/// Throws Error (bad input) if the tasks have more frames than a shot can have: a short text names
+/// a million, and a job has up to a million tasks.
+void check_frames(const schemas::FarmJobDocument& job, const std::string& file) {
+  constexpr std::int64_t kMaxFrames = 10'000'000;  // shots have frame numbers of seven digits
+  std::int64_t sum = 0;
+  for (const schemas::FarmJobDocument::Chunk& chunk : job.chunks) {
+    sum += compose::frame_range_size(chunk.frames);
+  }
+  if (sum <= kMaxFrames) return;
+  throw Error::bad_input(
+      fmt::format("the tasks have {} frames, allowed: {} or fewer", sum, kMaxFrames),
+      file + "#/chunks", "Submit the shot again");
+}
+
 }  // namespace
 
 std::optional<std::string> read_record(const fs::path& file) {
@@ -88,7 +103,9 @@ schemas::FarmJobDocument JobFolder::job() const {
     throw Error::bad_input("found no farm job", path_.string(),
                            "Name a job folder, the folder of an output's jobs, or the output");
   }
-  return schemas::parse_farm_job(*text, job_file().string());
+  schemas::FarmJobDocument job = schemas::parse_farm_job(*text, job_file().string());
+  check_frames(job, job_file().string());
+  return job;
 }
 
 schemas::FarmJobDocument JobFolder::local_job() const {

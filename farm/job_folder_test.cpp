@@ -65,6 +65,24 @@ TEST(JobFolder, IsFoundByAnyOfItsNames) {
   EXPECT_THROW(find_job(parent.path() / "g.####.exr"), Error);
 }
 
+TEST(JobFolder, AJobWithMoreFramesThanAShotIsRefused) {
+  const testing::TestFolder parent;
+  const JobFolder folder = testing::write_small_job(parent.path());
+  schemas::FarmJobDocument job = testing::make_small_job(parent.path());
+  job.chunks.assign(10, {"1-999999", {}});
+  write_file_atomically(folder.job_file(), schemas::format_farm_job(job));
+  EXPECT_EQ(folder.job().chunks.size(), 10U);
+  job.chunks.assign(11, {"1-999999", {}});
+  write_file_atomically(folder.job_file(), schemas::format_farm_job(job));
+  try {
+    folder.job();
+    FAIL() << "it was accepted";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("job.json#/chunks"));
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("10999989 frames"));
+  }
+}
+
 TEST(JobFolder, ExcludedNodesStayWithTheirReasons) {
   const testing::TestFolder parent;
   const JobFolder folder = testing::write_small_job(parent.path());

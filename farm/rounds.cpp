@@ -113,11 +113,14 @@ std::vector<int> chunks_with_frames(const schemas::FarmJobDocument& job,
 }
 
 std::vector<int> job_frames(const schemas::FarmJobDocument& job) {
-  std::set<int> frames;
+  std::vector<int> frames;
   for (const schemas::FarmJobDocument::Chunk& chunk : job.chunks) {
-    for (const int frame : compose::parse_frame_range(chunk.frames)) frames.insert(frame);
+    const std::vector<int> own = compose::parse_frame_range(chunk.frames);
+    frames.insert(frames.end(), own.begin(), own.end());
   }
-  return {frames.begin(), frames.end()};
+  std::ranges::sort(frames);
+  frames.erase(std::unique(frames.begin(), frames.end()), frames.end());
+  return frames;
 }
 
 RoundDecision decide_next_round(const RoundOutcome& state) {

@@ -167,12 +167,12 @@ void count_frames(JobStatus& status) {
       status.light_field_frames_estimated += attempt.end->light_field_frames_estimated;
     }
     if (task.stage != "render") continue;
-    const auto own = static_cast<int>(compose::parse_frame_range(task.frames).size());
+    const auto own = static_cast<std::int64_t>(compose::parse_frame_range(task.frames).size());
     status.frames += own;
     if (task.state == TaskState::kDone) {
       status.frames_done += own;
       seconds += task.attempts.back().end->wall_seconds;
-      frames_timed += own;
+      frames_timed += static_cast<double>(own);
       continue;
     }
     if (task.state == TaskState::kFailed) {
@@ -180,16 +180,15 @@ void count_frames(JobStatus& status) {
       const bool has_end = !task.attempts.empty() && task.attempts.back().end;
       const std::string failed_frames =
           has_end ? task.attempts.back().end->failed_frames : std::string();
-      const int failed =
-          failed_frames.empty()
-              ? own
-              : std::min(own, static_cast<int>(compose::parse_frame_range(failed_frames).size()));
+      const std::int64_t failed =
+          failed_frames.empty() ? own : std::min(own, compose::frame_range_size(failed_frames));
       status.frames_failed += failed;
       status.frames_done += own - failed;
     }
-    const double done = task.state == TaskState::kRunning ? own * task.percent / 100.0 : 0;
+    const auto frames = static_cast<double>(own);
+    const double done = task.state == TaskState::kRunning ? frames * task.percent / 100.0 : 0;
     if (task.state == TaskState::kRunning) ++running;
-    left += own - done;
+    left += frames - done;
   }
   if (status.is_live() && running > 0 && frames_timed > 0 && seconds > 0) {
     status.seconds_left = left * seconds / frames_timed / running;
@@ -349,7 +348,7 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
   find_removed_frames(folder, status);
   count_frames(status);
   if (!status.missing_frames.empty()) {  // the verification overrides the tasks' reports
-    const auto missing = static_cast<int>(compose::parse_frame_range(status.missing_frames).size());
+    const std::int64_t missing = compose::frame_range_size(status.missing_frames);
     status.frames_failed = status.state == JobState::kDone ? 0 : missing;  // else removed since
     status.frames_done = status.frames - missing;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -53,13 +54,13 @@ struct JobStatus {
   std::vector<TaskStatus> tasks;  ///< by stage, then index
   std::vector<std::pair<std::string, std::string>> excluded_nodes;
   int rounds = 0;
-  int frames = 0, frames_done = 0, frames_failed = 0;
+  std::int64_t frames = 0, frames_done = 0, frames_failed = 0;
   std::string missing_frames;         ///< of a job that is over
   std::string frames_below_coverage;  ///< the same; complete frames
   std::string frames_with_rot;        ///< the same; complete frames
   std::optional<double> seconds_left = {};
   double cpu_seconds = 0;
-  int light_field_frames_estimated = 0;
+  std::int64_t light_field_frames_estimated = 0;
 
   /// Returns whether a task that frames depend on may still be queued or running.
   bool is_live() const;

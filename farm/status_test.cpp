@@ -81,6 +81,13 @@ TEST_F(Status, AsksSlurmForWhatIsNotOver) {
   EXPECT_NEAR(*status.seconds_left, (1.8 + 3 + 3) * 2.0, 1e-9);  // 2 s a frame, one task at a time
 }
 
+TEST_F(Status, AddsUpNumbersOfAnySize) {
+  schemas::FarmAttempt attempt = testing::make_attempt(0, schemas::AttemptResult::kDone);
+  attempt.end->light_field_frames_estimated = 1'000'000'000;  // the largest that a record may have
+  for (attempt.index = 0; attempt.index < 3; ++attempt.index) happened(attempt);
+  EXPECT_EQ(job_status(folder_, SchedulerAnswer{}).light_field_frames_estimated, 3'000'000'000);
+}
+
 TEST_F(Status, ATaskThatNobodyHasIsLost) {
   started(1, "n2");
   SchedulerAnswer answer;

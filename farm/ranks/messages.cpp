@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/resources.h"
+#include "farm/ranks/message_checks.h"
 #include "store/journal.h"
 
 namespace raystage::farm {
@@ -58,8 +59,10 @@ Unpacked unpacked(std::span<const std::byte> message) {
   std::memcpy(&size, message.data(), sizeof(size));
   message = message.subspan(sizeof(size));
   if (size > message.size()) throw damaged();
-  const auto* bytes = reinterpret_cast<const std::uint8_t*>(message.data());
-  return {Json::from_cbor(bytes, bytes + size), message.subspan(static_cast<std::size_t>(size))};
+  const auto cbor = message.first(static_cast<std::size_t>(size));
+  if (!is_shallow_cbor(cbor)) throw damaged();
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(cbor.data());
+  return {Json::from_cbor(bytes, bytes + cbor.size()), message.subspan(cbor.size())};
 }
 
 /// Runs a decoder. Throws Error (failed) for a damaged message.
@@ -278,6 +281,7 @@ store::JpegLayout layout_from(const Json& json) {
   l.scan_offset = offsets[1];
   l.scan_end = offsets[2];
   l.segment_offset = value_of<std::vector<std::uint32_t>>(json.at("segments"));
+  if (!is_valid_layout(l)) throw damaged();
   return l;
 }
 
@@ -432,6 +436,7 @@ FrameRequest decode_frame_request(std::span<const std::byte> message) {
     FrameRequest r;
     r.kind = static_cast<FrameRequest::Kind>(value_of<int>(parts.head.at("kind")));
     r.reply_tag = value_of<int>(parts.head.at("reply"));
+    if (r.reply_tag < kFirstReplyTag) throw damaged();
     const auto frame = value_of<std::array<int, 3>>(parts.head.at("frame"));
     r.take = frame[0];
     r.camera = frame[1];
@@ -443,14 +448,17 @@ FrameRequest decode_frame_request(std::span<const std::byte> message) {
 
 MessageBytes encode(const FrameReply& reply) {
   const std::span<const std::byte> bytes = reply.bytes;
-  return packed({{"error", reply.error}, {"layout", json_of(reply.layout)}}, std::span(&bytes, 1));
+  const Json layout = reply.layout ? json_of(*reply.layout) : Json();
+  return packed({{"error", reply.error}, {"layout", layout}}, std::span(&bytes, 1));
 }
 
 FrameReply decode_frame_reply(std::span<const std::byte> message) {
   return decoded(message, [](Unpacked& parts) {
     FrameReply reply;
     reply.error = value_of<std::string>(parts.head.at("error"));
-    reply.layout = layout_from(parts.head.at("layout"));
+    if (const Json& layout = parts.head.at("layout"); !layout.is_null()) {
+      reply.layout = layout_from(layout);
+    }
     reply.bytes = values_of<std::byte>(parts, parts.rest.size());
     return reply;
   });

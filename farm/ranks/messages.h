@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -111,8 +112,8 @@ FrameRequest decode_frame_request(std::span<const std::byte> message);
 /// The reply to a FrameRequest. kWhole: all bytes of the JPEG file. kLayout: its layout. kSegments:
 /// the bytes before the scan, followed by the segments.
 struct FrameReply {
-  std::string error;  ///< not empty: the frame cannot be read
-  store::JpegLayout layout;
+  std::string error;                        ///< not empty: the frame cannot be read
+  std::optional<store::JpegLayout> layout;  ///< kLayout: one that decoders can rely on
   MessageBytes bytes;
 };
 MessageBytes encode(const FrameReply& reply);

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cassert>
 #include <chrono>
+#include <cstdio>
 #include <mutex>
 #include <thread>
 
@@ -269,7 +270,8 @@ std::optional<MpiWorld::Received> MpiWorld::receive_any(int tag, const std::stop
   return Received{from, state_->receive_rest(from, tag, state_->receive_piece(found, status))};
 }
 
-void MpiWorld::abort(int exit_code) {
+void MpiWorld::abort(int exit_code, const std::string& reason) {
+  if (!reason.empty()) std::fprintf(stderr, "raystage: %s\n", reason.c_str());
   MPI_Abort(MPI_COMM_WORLD, exit_code);
   std::abort();
 }

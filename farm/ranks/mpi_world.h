@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <stop_token>
+#include <string>
 #include <vector>
 
 namespace raystage::farm {
@@ -57,8 +58,9 @@ class MpiWorld {
   /// requested.
   std::optional<Received> receive_any(int tag, const std::stop_token& stop);
 
-  /// Ends all ranks of the job. For errors that no other rank would notice.
-  [[noreturn]] void abort(int exit_code);
+  /// Ends all ranks of the job, and writes the reason, if there is one, to stderr as MPI does. For
+  /// errors that no other rank would notice.
+  [[noreturn]] void abort(int exit_code, const std::string& reason = {});
 
   MessageCosts costs() const;
 

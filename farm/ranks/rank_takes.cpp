@@ -10,6 +10,7 @@
 #include <xxhash.h>
 
 #include <algorithm>
+#include <exception>
 #include <utility>
 
 #include "base/atomic_file.h"
@@ -39,7 +40,9 @@ class FetchedFrames : public store::RemoteFrames {
   }
 
   store::JpegLayout layout(int frame) const override {
-    return ask(FrameRequest::Kind::kLayout, frame, {}).layout;
+    FrameReply reply = ask(FrameRequest::Kind::kLayout, frame, {});
+    if (!reply.layout) throw damaged(frame);
+    return *std::move(reply.layout);
   }
 
   /// Returns the frame with zeros for other segments, which the decoder does not read.
@@ -48,6 +51,7 @@ class FetchedFrames : public store::RemoteFrames {
     const std::vector<std::uint32_t> segments = segments_with(layout, wanted);
     const FrameReply reply = ask(FrameRequest::Kind::kSegments, frame, segments);
     std::span<const std::byte> rest(reply.bytes);
+    if (layout.scan_offset > rest.size()) throw damaged(frame);  // the layout limits only its scan
     MessageBytes jpeg(layout.scan_end + 2);
     const auto copy = [&](std::size_t begin, std::size_t end) {
       if (begin > end || end > jpeg.size() || end - begin > rest.size()) throw damaged(frame);
@@ -84,7 +88,7 @@ class FetchedFrames : public store::RemoteFrames {
   }
 
   Error damaged(int frame) const {
-    return Error::failed("a fetched part of the frame has the wrong size",
+    return Error::failed("a fetched part of the frame is missing or has the wrong size",
                          fmt::format("camera {} frame {}", camera_, frame),
                          "Check the network between the hosts and render again");
   }
@@ -211,13 +215,19 @@ void FrameService::add(int number, const store::Take& take) {
 
 void FrameService::run(const std::stop_token& stop) {
   while (const auto received = world_.receive_any(kFrameRequestTag, stop)) {
-    const FrameRequest request = decode_frame_request(received->message);
+    FrameRequest request;
     FrameReply reply;
     try {
+      request = decode_frame_request(received->message);
       reply = answer(request);
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {
       reply = {};
       reply.error = error.what();
+    }
+    // The tag of the reply that its sender waits for is not known: it would wait without end.
+    if (request.reply_tag < kFirstReplyTag) {
+      world_.abort(static_cast<int>(ExitCode::kFailed),
+                   fmt::format("rank {}: {}", received->from, reply.error));
     }
     world_.send(received->from, request.reply_tag, encode(reply));
   }

@@ -6,7 +6,9 @@
 #include "store/jpeg/decode.h"
 
 #include <cassert>
+#include <string>
 
+#include "base/error.h"
 #include "store/jpeg/convert_to_linear.h"
 #include "store/jpeg/libjpeg.h"
 #include "store/jpeg/scan_decoder.h"
@@ -65,6 +67,12 @@ std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const J
   assert(wanted.size() == static_cast<std::size_t>(layout.mcu_count()));
   assert(rgba_linear.size() ==
          4 * static_cast<std::size_t>(layout.width) * static_cast<std::size_t>(layout.height));
+  // The layout of a frame on another host came in a message of its own.
+  const auto refuse = [&] {
+    return Error::bad_input("the frame is not the one that its layout describes", std::string(name),
+                            "Render again");
+  };
+  if (jpeg.size() < layout.scan_end + 2) throw refuse();
   const auto mcu_pixels = std::int64_t{layout.mcu_width} * layout.mcu_height;
   if (layout.baseline_ycc) {
     const std::int64_t mcus = state_->scan.decode(jpeg, layout, wanted, name);
@@ -72,6 +80,7 @@ std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const J
     return mcus * mcu_pixels;
   }
   const RgbImage image = decode(jpeg, name);
+  if (image.width != layout.width || image.height != layout.height) throw refuse();
   const auto width = static_cast<std::size_t>(layout.width);
   for (std::size_t pixel = 0; pixel < width * static_cast<std::size_t>(layout.height); ++pixel) {
     const auto x = static_cast<int>(pixel % width), y = static_cast<int>(pixel / width);

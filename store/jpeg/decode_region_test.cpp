@@ -264,6 +264,29 @@ TEST(DecodeRegion, RefusesDamageAndGoesOnWithTheNextFrame) {
   EXPECT_EQ(refused_by_one, 0);
 }
 
+// The layout of a frame on another host comes in a message of its own.
+TEST(DecodeRegion, RefusesALayoutOfAnotherFrame) {
+  const RgbImage image = testing::make(Kind::kMixed, 131, 75);
+  const Bytes segmented = encode_jpeg(image, {90, JpegEncodeOptions::Chroma::k420, 4});
+  const Bytes progressive = encode_jpeg_variant(image, {.progressive = true});
+  JpegDecoder decoder;
+  const auto expect_refusal = [&](std::span<const std::byte> jpeg, const JpegLayout& layout) {
+    const McuMask all(static_cast<std::size_t>(layout.mcu_count()), 1);
+    std::vector<std::uint16_t> rgba(4 * static_cast<std::size_t>(layout.width) *
+                                    static_cast<std::size_t>(layout.height));
+    EXPECT_THROW(decoder.decode_region(jpeg, layout, all, injective_table(), rgba, "x"), Error);
+  };
+  JpegLayout layout = parse_jpeg_layout(segmented, "x");
+  expect_refusal(std::span(segmented).first(layout.scan_offset - 1), layout);
+  expect_refusal(std::span(segmented).first(layout.scan_end), layout);
+  layout.sof_offset = 0;
+  expect_refusal(segmented, layout);
+  layout = parse_jpeg_layout(progressive, "x");
+  ASSERT_FALSE(layout.baseline_ycc);
+  layout.height = layout.mcu_height * layout.mcu_rows;
+  expect_refusal(progressive, layout);
+}
+
 TEST(DecodeRegion, EqualsTheFullDecodeOnPhotographs) {
   const auto data = testing::test_data();
   if (!std::filesystem::exists(data / "shop/cameras/r0c0.jpg"))

@@ -116,6 +116,10 @@ void TableReader::read_huffman(const Marker& marker) {
 }
 
 void TableReader::read_scan(const Marker& marker, int components) {
+  const auto needed = static_cast<std::size_t>(components);
+  // The layout of a frame on another host may be that of other bytes.
+  if (frame_.body.size() < 6 + 3 * needed || marker.body.size() < 1 + 2 * needed)
+    markers_.fail(marker.offset, "the frame is not the one that its layout describes");
   if (!tables_.dc[0].defined()) tables_.dc[0].build(kDcLuminanceCounts, kDcSymbols, true);
   if (!tables_.ac[0].defined()) tables_.ac[0].build(kAcLuminanceCounts, kAcLuminanceSymbols, false);
   if (!tables_.dc[1].defined()) tables_.dc[1].build(kDcChrominanceCounts, kDcSymbols, true);

@@ -21,6 +21,23 @@ void round_trip(std::span<const std::byte> message, const Decode& decode) {
   if (encode(decode(once)) != once) std::abort();
 }
 
+/// Expects that a decoder may read each segment of the frame, and divide by the interval.
+raystage::farm::FrameReply decode_checked_reply(std::span<const std::byte> message) {
+  raystage::farm::FrameReply reply = raystage::farm::decode_frame_reply(message);
+  if (!reply.layout) return reply;
+  const raystage::store::JpegLayout& layout = *reply.layout;
+  const std::vector<std::uint32_t>& offsets = layout.segment_offset;
+  const int mcus_per_segment =
+      layout.regions_decodable() ? layout.restart_interval : layout.mcu_count();
+  if (mcus_per_segment <= 0) std::abort();
+  const int last_segment = (layout.mcu_count() - 1) / mcus_per_segment;
+  if (last_segment + 1 != layout.segment_count() || layout.scan_offset > offsets[0]) std::abort();
+  for (int i = 0; i <= last_segment; ++i) {
+    if (offsets[i] + 2 > offsets[i + 1] || offsets[i + 1] > layout.scan_end + 2) std::abort();
+  }
+  return reply;
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -44,7 +61,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       round_trip(message, decode_frame_request);
       break;
     default:
-      round_trip(message, decode_frame_reply);
+      round_trip(message, decode_checked_reply);
   }
   return 0;
 }

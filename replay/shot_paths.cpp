@@ -3,8 +3,11 @@
 
 #include <array>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "base/error.h"
+#include "schemas/json_text.h"
+#include "schemas/utf8_text.h"
 
 namespace raystage::replay {
 namespace {
@@ -40,7 +43,8 @@ void change_at(Json& json, std::string_view pointer, const Change& change) {
 }  // namespace
 
 std::string rebase_shot_paths(std::string_view text, const fs::path& from, const fs::path& to) {
-  Json json = Json::parse(text, nullptr, false);
+  schemas::parse_json(text, "shot");  // which limits the nesting, but sorts the properties
+  Json json = Json::parse(text);
   if (!json.is_object()) {
     throw Error::bad_input("this is no JSON object", "shot", "Give the text of a shot");
   }
@@ -50,10 +54,15 @@ std::string rebase_shot_paths(std::string_view text, const fs::path& from, const
       if (path.empty() || path.is_absolute()) return;
       fs::path rebased = (from / path).lexically_normal();
       if (!rebased.has_filename()) rebased = rebased.parent_path();  // of "take/" or "."
-      value = rebased.lexically_relative(to).string();
+      std::string relative = rebased.lexically_relative(to).string();
+      if (!schemas::is_utf8(relative)) {
+        throw Error::bad_input("the path of a file of the shot is not UTF-8, as JSON has to be",
+                               rebased.string(), "Rename the folder, or move the shot");
+      }
+      value = std::move(relative);
     });
   }
-  return json.dump(2) + "\n";
+  return schemas::dump_json(json) + "\n";
 }
 
 }  // namespace raystage::replay

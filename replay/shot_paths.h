@@ -9,7 +9,8 @@ namespace raystage::replay {
 
 /// Returns a shot's text for another folder: the same text, but its relative paths, which started
 /// at `from`, start at `to`. Both folders are absolute. Properties that the viewer does not know
-/// stay as they are. Throws Error (bad input) if the text is no JSON object.
+/// stay as they are. Throws Error (bad input) if the text is no JSON object, or a path is not
+/// UTF-8.
 std::string rebase_shot_paths(std::string_view text, const std::filesystem::path& from,
                               const std::filesystem::path& to);
 

@@ -47,6 +47,21 @@ TEST(ShotPaths, OfTextsThatAreNoShotsAreRefused) {
             "{\n  \"layers\": 3,\n  \"camera\": []\n}\n");
 }
 
+TEST(ShotPaths, OfTextsThatAreNestedTooDeeplyAreRefused) {
+  constexpr int kLevels = 100'000;
+  std::string text = R"({"layers": )";
+  text += std::string(kLevels, '[') + std::string(kLevels, ']') + "}";
+  EXPECT_THROW(rebase_shot_paths(text, "/a", "/b"), Error);
+}
+
+TEST(ShotPaths, ThatJsonCannotHoldAreRefused) {
+  constexpr const char* kShotText = R"({"layers": [{"take": "take"}]})";
+  EXPECT_THROW(rebase_shot_paths(kShotText, "/caf\351", "/b"), Error);
+  EXPECT_THROW(rebase_shot_paths("{\"comment\": \"\351\"}", "/a", "/b"), Error);
+  EXPECT_EQ(Json::parse(rebase_shot_paths(kShotText, "/caf\xC3\xA9", "/b"))["layers"][0]["take"],
+            "../caf\xC3\xA9/take");
+}
+
 int count_paths(const nlohmann::json& schema) {
   int count = 0;
   if (schema.is_object() && schema.contains("$ref") && schema["$ref"] == "#/$defs/path") ++count;

@@ -296,10 +296,13 @@ OpenFile only_file(const ContainedPath& file) {
 
 OpenFile files_below_folder_of(const fs::path& file, std::uint64_t max_bytes) {
   // Libraries may complete paths by the current folder.
-  const fs::path complete = fs::absolute(file).lexically_normal();
+  std::error_code no_current_folder;
+  const fs::path complete = fs::absolute(file, no_current_folder).lexically_normal();
   return [file, complete, max_bytes](const std::string& name) {
     constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
-    const fs::path asked = fs::absolute(name).lexically_normal();
+    std::error_code unknown;
+    const fs::path asked = fs::absolute(name, unknown).lexically_normal();
+    if (name.empty() || unknown) return FileDescriptor(-1);
     const fs::path folder = complete.parent_path();
     const FileDescriptor opened =
         asked == complete ? FileDescriptor(::open(file.c_str(), kFlags))

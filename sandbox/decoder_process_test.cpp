@@ -181,6 +181,7 @@ TEST_F(DecoderProcessTest, FilesOfRelativeAndCompletePathsAreTheSame) {
   EXPECT_TRUE(open((folder.path() / "config" / "luts" / "a").string()).open());
   EXPECT_FALSE(open((folder.path() / "elsewhere").string()).open());
   EXPECT_FALSE(files_below_folder_of(relative, 4)(relative.string()).open());
+  EXPECT_FALSE(open("").open());  // a decoder that was taken over may ask for anything
 }
 
 TEST_F(DecoderProcessTest, DoesNotSeeTheEnvironment) {

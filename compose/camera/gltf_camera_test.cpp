@@ -5,7 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -127,6 +130,19 @@ TEST_F(GltfCameras, ReadsBuffersBesideTheFileAndBinaryFiles) {
   }
 }
 
+TEST_F(GltfCameras, BuffersTogetherHaveALimit) {
+  json document = boom();
+  {
+    std::ofstream file(folder_.path() / "large.bin");  // sparse
+    file.seekp(static_cast<std::streamoff>(kMaxSceneBytes));
+    file.put('x');
+  }
+  document["buffers"].push_back({{"uri", "large.bin"}, {"byteLength", 1}});
+  EXPECT_THROW(read(document), Error);
+  std::filesystem::resize_file(folder_.path() / "large.bin", kMaxSceneBytes - 1);
+  EXPECT_THROW(read(document), Error);  // together with the first one
+}
+
 TEST_F(GltfCameras, StepsAndSplinesAreTheFilesOwn) {
   json document = boom();
   document["animations"][0]["samplers"][1]["interpolation"] = "STEP";
@@ -189,6 +205,12 @@ TEST_F(GltfCameras, SaysWhatIsWrongAndWhere) {
   EXPECT_THAT(refusal([](json& d) { d["accessors"][2]["count"] = 3; }),
               HasSubstr("#/accessors/2: the accessor exceeds its buffer"));
   EXPECT_THAT(refusal([](json& d) { d["bufferViews"][2]["byteLength"] = 1 << 30; }),
+              HasSubstr("exceeds its buffer"));
+  // 2^24 steps of 2^40 bytes are 0 in 64 bits.
+  EXPECT_THAT(refusal([](json& d) {
+                d["bufferViews"][0]["byteStride"] = std::int64_t{1} << 40;
+                d["accessors"][0]["count"] = (1 << 24) + 1;
+              }),
               HasSubstr("exceeds its buffer"));
   EXPECT_THAT(refusal([](json& d) { d["accessors"][2]["bufferView"] = 17; }),
               HasSubstr("an index is 17, but there are 3 bufferViews"));

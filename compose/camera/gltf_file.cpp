@@ -101,6 +101,8 @@ std::int64_t integer_member(const json& object, const char* key, std::int64_t ot
   return value < 0 || value > (std::int64_t{1} << 40) ? -1 : value;
 }
 
+constexpr std::int64_t kMaxStride = 252;  // glTF 2.0, bufferView.byteStride
+
 }  // namespace
 
 GltfFile::GltfFile(std::string_view bytes, const std::filesystem::path& file) : file_(file) {
@@ -142,7 +144,8 @@ void GltfFile::load_glb(std::string_view bytes) {
   }
 }
 
-std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
+std::string GltfFile::load_buffer(const json& buffer, std::size_t index,
+                                  std::uint64_t read_bytes) const {
   const std::string where = fmt::format("/buffers/{}", index);
   if (!buffer.is_object()) throw input_error("this is not an object", where);
   if (!buffer.contains("uri")) {
@@ -154,8 +157,8 @@ std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
   if (!uri.starts_with("data:")) {
     // A stranger's file must not read others than its own: a link could lead anywhere.
     const ContainedPath beside{file_.parent_path(), file_name_from_uri(uri)};
-    require_contained(beside);
-    return read_file(beside.path(), kMaxSceneBytes);
+    require_contained(beside);  // says why
+    return read_file(beside, kMaxSceneBytes - std::min(kMaxSceneBytes, read_bytes));
   }
   const std::size_t comma = uri.find(',');
   if (comma != std::string::npos && uri.substr(0, comma).ends_with(";base64")) {
@@ -165,8 +168,10 @@ std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
 }
 
 void GltfFile::load_buffers() {
+  std::uint64_t read_bytes = 0;  // many buffers may name one large file
   for (std::size_t i = 0; i < count("buffers"); ++i) {
-    buffers_.push_back(load_buffer(json_["buffers"][i], i));
+    buffers_.push_back(load_buffer(json_["buffers"][i], i, read_bytes));
+    read_bytes += buffers_.back().size();
   }
 }
 
@@ -218,7 +223,7 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
   const auto packed = static_cast<std::int64_t>(width * component->bytes);
   const std::int64_t stride = integer_member(view, "byteStride", packed);
   if (buffer < 0 || static_cast<std::size_t>(buffer) >= buffers_.size() || in_buffer < 0 ||
-      length < 0 || in_view < 0 || count < 1 || stride < packed ||
+      length < 0 || in_view < 0 || count < 1 || stride < packed || stride > kMaxStride ||
       static_cast<std::size_t>(count) * width > kMaxNumbers ||
       in_view + (count - 1) * stride + packed > length ||
       in_buffer + length > static_cast<std::int64_t>(buffers_[buffer].size())) {

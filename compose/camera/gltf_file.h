@@ -39,7 +39,9 @@ class GltfFile {
  private:
   void load_glb(std::string_view bytes);
   void load_buffers();
-  std::string load_buffer(const nlohmann::json& buffer, std::size_t index) const;
+  /// `read_bytes`: of the buffers before.
+  std::string load_buffer(const nlohmann::json& buffer, std::size_t index,
+                          std::uint64_t read_bytes) const;
 
   std::filesystem::path file_;
   nlohmann::json json_;

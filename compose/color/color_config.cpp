@@ -78,10 +78,10 @@ struct GivenConfig {
   }
   bool is_file_outside(const std::filesystem::path& name) const {
     std::error_code unknown;
-    const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
-    const std::filesystem::path way =
-        std::filesystem::absolute(name).lexically_normal().lexically_relative(
-            folder.lexically_normal());
+    const std::filesystem::path folder = std::filesystem::absolute(file, unknown).parent_path();
+    const std::filesystem::path way = std::filesystem::absolute(name, unknown)
+                                          .lexically_normal()
+                                          .lexically_relative(folder.lexically_normal());
     return !way.empty() && *way.begin() == ".." && std::filesystem::is_regular_file(name, unknown);
   }
   std::string text(const ColorRequest& asked) const {

@@ -27,6 +27,7 @@ constexpr std::string_view kPayload = "data/";
 constexpr std::string_view kManifestStart = "manifest-", kTagManifestStart = "tagmanifest-";
 constexpr std::uint64_t kMaxDeclarationBytes = 4096;
 constexpr std::uint64_t kMaxTagFileBytes = std::uint64_t{256} << 20;
+constexpr std::size_t kMaxManifests = 32;        // of payload, and of tag files
 constexpr std::size_t kMaxEntries = 20'000'000;  // of a folder: each takes memory
 constexpr BagVersion kKnownVersions[] = {{0, 93}, {0, 94}, {0, 95}, {0, 96}, {0, 97}, {1, 0}};
 
@@ -248,6 +249,11 @@ class BagChecker {
           path.find('/') == std::string::npos && path.size() > start.size() + 4) {
         names.push_back(path);
       }
+    }
+    if (names.size() > kMaxManifests) {
+      throw Error::bad_input(fmt::format("the bag has {} files {}*.txt", names.size(), start),
+                             folder_.string(),
+                             fmt::format("Keep at most {}: one for each algorithm", kMaxManifests));
     }
     return names;
   }

@@ -507,6 +507,21 @@ TEST(CheckBag, ProblemsOfHostileBagsAreLimited) {
   EXPECT_EQ(report.omitted_problems, 3000 - BagReport::kMaxListed);
 }
 
+TEST(CheckBag, ManifestsAreLimited) {
+  const TestBag bag;
+  fill(bag);
+  const std::string line = std::string(32, 'a') + "  data/hello.txt\n";
+  for (int i = 0; i < 31; ++i) bag.write("manifest-x" + std::to_string(i) + ".txt", line);
+  EXPECT_THAT(text_of(checked(bag).problems), HasSubstr("another payload manifest lists it"));
+  bag.write("manifest-y.txt", line);
+  try {
+    checked(bag);
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("the bag has 33 files manifest-*.txt"));
+  }
+}
+
 TEST(CheckBag, TagFilesHaveOneLimitTogether) {
   const TestBag bag;
   bag.declare();

@@ -53,6 +53,8 @@ constexpr FileFormat kAv1Format{"frames in archive/*.mkv, codec V_AV1",
                                 "AV1 open bitstream units (AV1 Bitstream and Decoding Process)", "",
                                 "", "formats/archive.md"};
 
+}  // namespace
+
 std::string csv_field(std::string_view text) {
   if (text.find_first_of("\",") == std::string_view::npos) return std::string(text);
   std::string quoted = "\"";
@@ -62,8 +64,6 @@ std::string csv_field(std::string_view text) {
   }
   return quoted + '"';
 }
-
-}  // namespace
 
 const FileFormat& format_of_file(std::string_view path) {
   const fs::path parsed(path);

@@ -25,6 +25,9 @@ const FileFormat& format_of_file(std::string_view path);
 /// header: files, format, version, PRONOM identifier or "none registered", page.
 std::string file_formats_as_csv();
 
+/// Returns a field of a CSV file, in quotes where needed (RFC 4180).
+std::string csv_field(std::string_view text);
+
 /// Copies the pages of docs/formats, the schemas and the reader, which are installed as formats/,
 /// schemas/ and reader/ below `from`, to the same folders below `to`. Returns the paths below `to`.
 /// Throws Error (failed) if one of them is missing, or the disk fails.

@@ -343,12 +343,13 @@ class BagWriter {
     write("archive,time_ns,offset,bytes,xxh3\r\n");
     const Take copy(root_ / "data");
     for (int camera = 0; camera < copy.camera_count(); ++camera) {
+      const std::string archive =
+          csv_field("data/" + copy.document().cameras[static_cast<std::size_t>(camera)].archive);
       std::string text;
       for (const FrameRecord& record : copy.archive(camera).records()) {
         if (record.status != FrameStatus::kStored) continue;
-        text += fmt::format("data/{},{},{},{},{:016x}\r\n",
-                            copy.document().cameras[static_cast<std::size_t>(camera)].archive,
-                            record.time_ns, record.offset, record.size, record.xxh3);
+        text += fmt::format("{},{},{},{},{:016x}\r\n", archive, record.time_ns, record.offset,
+                            record.size, record.xxh3);
       }
       write(text);
     }

@@ -81,6 +81,17 @@ TEST_F(WriteBagTest, TheBagIsValidAndHoldsTheTakeUnchanged) {
   EXPECT_TRUE(fs::exists(path("bag") / "representation/reader/read_take.py"));
 }
 
+TEST_F(WriteBagTest, NamesOfArchivesDoNotShiftTheColumnsOfHashes) {
+  auto document = schemas::read_take(path("take") / "take.json");
+  const std::string name = "archive/c0,0,0,0,dead.mkv";
+  fs::rename(path("take") / document.cameras[0].archive, path("take") / name);
+  document.cameras[0].archive = name;
+  write_file_atomically(path("take") / "take.json", schemas::format_take(document));
+  write();
+  EXPECT_THAT(read_file(path("bag") / "xxh3/frames.csv"),
+              HasSubstr("\"data/" + name + "\",1000000,"));
+}
+
 TEST_F(WriteBagTest, CoreutilsFindTheManifestsRight) {
   fs::remove(path("take") / "100%.txt");  // sha256sum does not know BagIt's encoding
   write();

@@ -20,6 +20,8 @@ namespace {
 constexpr int kBaseline = 0xC0, kExtended = 0xC1, kProgressive = 0xC2, kArithmetic = 0xC9,
               kProgressiveArithmetic = 0xCA;
 
+constexpr int kMaxScans = 100;  // libjpeg's own progression has 10
+
 std::uint8_t byte_at(std::span<const std::byte> bytes, std::size_t offset) {
   return std::to_integer<std::uint8_t>(bytes[offset]);
 }
@@ -223,10 +225,14 @@ void LayoutParser::find_segments() {
 
 void LayoutParser::finish() {
   markers_.seek(layout_.scan_end);
-  for (;;) {
+  for (int scans = 1;;) {
     const Marker marker = markers_.next();
     if (marker.code == kMarkerEoi) return;
     if (marker.code != kMarkerSos) continue;
+    // A scan of a few bytes takes as long to decode as one that refines every block.
+    if (++scans > kMaxScans)
+      markers_.fail(marker.offset,
+                    "the picture has more than " + std::to_string(kMaxScans) + " scans");
     if (plain_scan_ && process_ <= kExtended)
       markers_.fail(marker.offset, "a second scan follows the one that holds the whole picture");
     markers_.skip_scan();

@@ -110,6 +110,26 @@ TEST(JpegLayout, AGreyPicturesMcuIsOneBlockWhateverItsSampling) {
   EXPECT_EQ(layout.segment_count(), 7);
 }
 
+TEST(JpegLayout, ScansAreLimited) {
+  JpegVariant what;
+  what.progressive = true;
+  Bytes bytes = encode_jpeg_variant(testing::make(testing::Kind::kMixed, 40, 30), what);
+  EXPECT_NO_THROW(parse_jpeg_layout(bytes, "x"));
+  // The last scan again and again, as in a small file that takes hours to decode.
+  std::size_t last = 0;
+  for (std::size_t i = 0; i + 1 < bytes.size(); ++i) {
+    if (bytes[i] == std::byte{0xFF} && bytes[i + 1] == std::byte{0xDA}) last = i;
+  }
+  const Bytes scan(bytes.begin() + static_cast<std::ptrdiff_t>(last), bytes.end() - 2);
+  for (int i = 0; i < 100; ++i) bytes.insert(bytes.end() - 2, scan.begin(), scan.end());
+  try {
+    parse_jpeg_layout(bytes, "x");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("more than 100 scans"));
+  }
+}
+
 TEST(JpegLayout, IgnoresBytesAfterTheEnd) {
   Bytes bytes = sample(40, 30, Chroma::k420, 1);
   const JpegLayout before = parse_jpeg_layout(bytes, "x");

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "store/jpeg/encode.h"
+#include "store/jpeg/layout.h"
 #include "store/jpeg/libjpeg.h"
 
 namespace raystage::store {
@@ -37,6 +38,7 @@ Planes empty_planes(int width, int height, ChromaStep chroma) {
 /// interpolated, so that averages return the samples of 4:2:0.
 std::vector<std::uint8_t> interleaved_samples(std::span<const std::byte> jpeg, int width,
                                               int height, std::string_view name, int& components) {
+  parse_jpeg_layout(jpeg, name);  // limits the scans
   libjpeg::Decompressor decompressor;
   jpeg_decompress_struct& info = decompressor.info;
   bool is_supported = false, is_size = false;

@@ -12,7 +12,9 @@
 #include <new>
 #include <numeric>
 
+#include "base/error.h"
 #include "base/parallel.h"
+#include "store/jpeg/layout.h"
 
 namespace raystage::store {
 namespace {
@@ -33,6 +35,11 @@ class LuminanceMeter {
   double measure(std::span<const std::byte> jpeg) {
     const auto* bytes = reinterpret_cast<const unsigned char*>(jpeg.data());
     int width = 0, height = 0, sampling = 0, colour = 0;
+    try {
+      parse_jpeg_layout(jpeg, "");  // limits the size and the scans
+    } catch (const Error&) {
+      return kUnknown;
+    }
     if (tjDecompressHeader3(handle_.get(), bytes, jpeg.size(), &width, &height, &sampling,
                             &colour) != 0) {
       return kUnknown;

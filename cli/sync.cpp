@@ -11,6 +11,8 @@
 #include <optional>
 
 #include "base/atomic_file.h"
+#include "base/frame_rate.h"
+#include "base/number_text.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/depth_range_hint.h"
@@ -21,6 +23,7 @@
 #include "cli/threads.h"
 #include "raystage_version.h"
 #include "rig/line_time_check.h"
+#include "rig/row_times.h"
 #include "schemas/former_names.h"
 #include "schemas/json_text.h"
 #include "store/journal_archives.h"
@@ -36,8 +39,8 @@ namespace raystage::cli {
 namespace {
 
 struct Options {
-  std::string take, stamps = "auto", node_offsets, flash_per = "node", report, output;
-  double fps = 0, tolerance_ms = 0, longest_gap_ms = 0;
+  std::string take, fps, stamps = "auto", node_offsets, flash_per = "node", report, output;
+  double tolerance_ms = 0, longest_gap_ms = 0;
   std::optional<double> tick_at;
   store::RetimeMethod retime = store::RetimeMethod::kNearest;
   store::RottenFrames rotten = store::RottenFrames::kAbsent;
@@ -50,13 +53,39 @@ Nanoseconds from_ms(double milliseconds) {
   return static_cast<Nanoseconds>(std::llround(milliseconds * kNsPerMs));
 }
 
+/// Returns the ticks per second that --fps states, Hz; 0: none. 23.976, 23.98 and 29.97 mean
+/// n * 1000/1001, as in shots. Other numbers mean themselves, also measured ones close to these.
+double rate_from(const std::string& text) {
+  if (const auto ratio = frame_rate_from(text)) return ratio->fps();
+  const double number = parse_number<double>(text).value_or(0);
+  const auto rate = frame_rate_from(number);
+  for (double scale = 100; rate && scale <= 1e6; scale *= 10) {
+    if (number == std::round(rate->fps() * scale) / scale) return rate->fps();
+  }
+  return number;
+}
+
+std::string rate_error(const std::string& text) {
+  const double rate = rate_from(text);
+  if (rate >= 1e-3 && rate <= 1e6) return "";
+  return fmt::format(
+      "found \"{}\", allowed: a rate of 0.001 to 1000000 Hz, for example 24 or 24000/1001", text);
+}
+
+/// Returns " (24000/1001)" for such a rate.
+std::string ratio_text(double fps) {
+  const auto rate = frame_rate_from(fps);
+  if (!rate || rate->denominator != 1001 || rate->fps() != fps) return "";
+  return fmt::format(" ({}/{})", rate->numerator, rate->denominator);
+}
+
 void print_text(const store::ResyncResult& resync, const std::vector<std::string>& verdict) {
   const store::Timeline& timeline = resync.timeline;
   const store::TimelineStatistics statistics = store::timeline_statistics(timeline);
   const long absent = std::reduce(statistics.absent.begin(), statistics.absent.end(), 0L);
   const auto all = static_cast<double>(statistics.absent.size() * timeline.ticks.size());
   for (const std::string& sentence : verdict) print("{}\n", sentence);
-  print("Rate       {:.6g} Hz\n", timeline.fps);
+  print("Rate       {:.6g} Hz{}\n", timeline.fps, ratio_text(timeline.fps));
   print("Ticks      {}, from {:.6f} s to {:.6f} s\n", timeline.ticks.size(),
         static_cast<double>(timeline.ticks.front().time_ns) / kNsPerS,
         static_cast<double>(timeline.ticks.back().time_ns) / kNsPerS);
@@ -89,7 +118,9 @@ store::FlashOffsets find_flashes(const store::Take& take,
   std::vector<std::vector<store::FlashOnset>> jumps;
   std::vector<std::string> group;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    jumps.push_back(store::find_flash_onsets(resync.times[c], luminance[c]));
+    const rig::Rig::Camera& camera = take.rig().cameras[c];
+    const double read_out_ms = rig::read_out_ms(camera.line_time_us, camera.model.height());
+    jumps.push_back(store::find_flash_onsets(resync.times[c], luminance[c], from_ms(read_out_ms)));
     const bool by_node = options.flash_per == "node" && !cameras[c].node.empty();
     group.push_back(by_node ? cameras[c].node : cameras[c].id);
   }
@@ -189,7 +220,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
   say_what_is_elsewhere(take);
   const std::vector<store::CameraTimestamps> cameras = store::camera_timestamps(take);
   store::ResyncOptions settings;
-  settings.fps = options.fps;
+  settings.fps = rate_from(options.fps);
   settings.tolerance = from_ms(options.tolerance_ms);
   settings.trust_timestamps =
       options.stamps == "exact" ||
@@ -275,8 +306,11 @@ void add_retime_options(CommandLine& command, Options& options) {
 
 void add_options(CommandLine& command, Options& options) {
   command.option("TAKE", options.take, "Folder of the take").required();
-  command.option("--fps", options.fps, "Ticks per second, Hz (default: the cameras' measured rate)")
-      .limits(1e-3, 1e6);
+  command
+      .option("--fps RATE", options.fps,
+              "Ticks per second, Hz: a number or a ratio such as 24000/1001; 23.976, 23.98, 29.97 "
+              "and 59.94 mean n * 1000/1001 (default: the cameras' measured rate)")
+      .check(rate_error);
   command
       .option("--tolerance", options.tolerance_ms,
               "Maximum difference of a frame's time from its tick, ms (default: half a tick); a "

@@ -170,5 +170,27 @@ TEST_F(SyncCommand, ATickFallsWhereItIsAskedFor) {
   EXPECT_TRUE(found);
 }
 
+TEST_F(SyncCommand, RatesOfFilmAreExact) {
+  const auto rate_of = [&](const std::string& text) {
+    const auto [exit_code, output] = run("-q --fps " + text + " " + quoted);
+    EXPECT_EQ(exit_code, 0) << output;
+    const bool is_film = output.find("Rate       23.976 Hz (24000/1001)\n") != std::string::npos;
+    const double fps = store::read_timeline(store::Take(take)).fps;
+    EXPECT_EQ(is_film, fps == 24000.0 / 1001) << output;
+    return fps;
+  };
+  for (const char* text : {"23.98", "23.976", "23.976024", "24000/1001"}) {
+    EXPECT_EQ(rate_of(text), 24000.0 / 1001) << text;
+  }
+  EXPECT_EQ(rate_of("24"), 24);
+  EXPECT_EQ(rate_of("23.9775"), 23.9775) << "measured";
+  EXPECT_EQ(rate_of("1200"), 1200);
+  for (const char* text : {"0", "2e6", "nan", "film", "24000/", "24/0"}) {
+    const auto [exit_code, output] = run(std::string("-q --fps ") + text + " " + quoted);
+    EXPECT_EQ(exit_code, 2) << text;
+    EXPECT_THAT(output, HasSubstr("for example 24 or 24000/1001"));
+  }
+}
+
 }  // namespace
 }  // namespace raystage::cli

@@ -222,7 +222,6 @@ Envelope lower_envelope(std::span<const double> slots, std::span<const double> t
   for (std::size_t v = 0; v < hull.size(); ++v) {
     // d(log posterior)/ds. Slopes are relative to the best edge's, so that differences stay exact.
     const double gain = rate * (mean - slots[hull[v]]);
-    if (gain == 0) continue;
     const double low = v > 0 ? slope(v) - envelope.line.period : 0;
     const double high = v + 1 < hull.size() ? slope(v + 1) - envelope.line.period : 0;
     const double from = v > 0 ? low : high - 40 / std::abs(gain);
@@ -232,10 +231,22 @@ Envelope lower_envelope(std::span<const double> slots, std::span<const double> t
     };
     // Integral of exp(gain s), s exp(gain s) between from and to, without overflow.
     const double at_from = std::exp(log_posterior(from)), at_to = std::exp(log_posterior(to));
-    const double integral = (at_to - at_from) / gain;
-    const double moment = (to * at_to - from * at_from) / gain - integral / gain;
-    const double log_moment =
-        (at_to * log_posterior(to) - at_from * log_posterior(from)) / gain - integral;
+    double integral = 0, moment = 0, log_moment = 0;
+    constexpr double kFlat = 1e-3;
+    if (std::abs(gain) * (to - from) < kFlat) {
+      // The vertex is at the mean slot, or so near that differences divided by the gain are lost in
+      // rounding. Simpson's rule is exact for a constant posterior, and here to 1e-15.
+      const double middle = (from + to) / 2, sixth = (to - from) / 6;
+      const double at_middle = 4 * std::exp(log_posterior(middle));
+      integral = sixth * (at_from + at_middle + at_to);
+      moment = sixth * (from * at_from + middle * at_middle + to * at_to);
+      log_moment = sixth * (log_posterior(from) * at_from + log_posterior(middle) * at_middle +
+                            log_posterior(to) * at_to);
+    } else {
+      integral = (at_to - at_from) / gain;
+      moment = (to * at_to - from * at_from) / gain - integral / gain;
+      log_moment = (at_to * log_posterior(to) - at_from * log_posterior(from)) / gain - integral;
+    }
     weight += integral;
     mean_slope += moment;
     // The expected height is below the hull by the mean of its own exponential distribution.

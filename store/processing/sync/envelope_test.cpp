@@ -88,6 +88,30 @@ TEST(LowerEnvelope, PosteriorMeanIsThatOfASum) {
   }
 }
 
+TEST(LowerEnvelope, AVertexAtTheMeanSlotIsTheLimitOfVerticesBesideIt) {
+  constexpr int kCount = 81, kMiddle = kCount / 2;
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    std::mt19937 random(seed);
+    std::exponential_distribution<double> delay(1 / 5e6);
+    Stamps stamps;
+    for (int i = 0; i < kCount; ++i) {
+      stamps.slots.push_back(i);
+      stamps.times.push_back(3e8 + i * 66'666'667.0 + (i == kMiddle ? 0 : delay(random)));
+    }
+    const Envelope at_mean = lower_envelope(stamps.slots, stamps.times, true);
+    for (const double shift : {1e-3, -1e-3, 1e-6, -1e-6, 1e-9, -1e-9}) {
+      Stamps moved = stamps;
+      moved.slots[kMiddle] += shift;
+      moved.times[kMiddle] += shift * 66'666'667.0;
+      const Envelope beside = lower_envelope(moved.slots, moved.times, true);
+      EXPECT_NEAR(at_mean.line.period, beside.line.period, 10) << seed << " " << shift;
+      EXPECT_NEAR(at_mean.line.origin + at_mean.line.period * kMiddle,
+                  beside.line.origin + beside.line.period * kMiddle, 100)
+          << seed << " " << shift;
+    }
+  }
+}
+
 TEST(LowerEnvelope, PosteriorMeanErrsLess) {
   double edge = 0, mean = 0;
   for (unsigned seed = 1; seed <= 300; ++seed) {

@@ -89,7 +89,7 @@ std::vector<std::vector<CameraOnset>> flashes_of(std::span<const std::vector<Fla
 }  // namespace
 
 std::vector<FlashOnset> find_flash_onsets(std::span<const Nanoseconds> times,
-                                          std::span<const double> luminance) {
+                                          std::span<const double> luminance, Nanoseconds read_out) {
   std::vector<std::size_t> frames;
   for (std::size_t i = 0; i < times.size(); ++i) {
     if (times[i] != kExcludedTime && std::isfinite(luminance[i])) frames.push_back(i);
@@ -119,6 +119,8 @@ std::vector<FlashOnset> find_flash_onsets(std::span<const Nanoseconds> times,
     }
     const double undetected = threshold / onset.strength;
     onset.after -= std::llround(undetected * static_cast<double>(onset.until - onset.after));
+    onset.after -= read_out / 2;
+    onset.until += read_out / 2;
     onsets.push_back(onset);
   }
   return onsets;

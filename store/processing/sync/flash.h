@@ -21,9 +21,12 @@ struct FlashOnset {
 /// Returns the onsets. There the luminance exceeds the median of up to five frames before by more
 /// than eight times its usual change (robust sigma) and by at least three codes. `times`:
 /// corrected; frames with kExcludedTime or luminance NaN are ignored. `after` is moved back by the
-/// part of a frame time in which a flash would stay below the threshold.
+/// part of a frame time in which a flash would stay below the threshold. `read_out`: from the
+/// exposure of the first row to that of the last one; `times` are then those of the middle row, and
+/// the light may have begun with any row.
 std::vector<FlashOnset> find_flash_onsets(std::span<const Nanoseconds> times,
-                                          std::span<const double> luminance);
+                                          std::span<const double> luminance,
+                                          Nanoseconds read_out = 0);
 
 /// The offset of one clock, measured by flashes.
 struct FlashOffset {

@@ -17,6 +17,23 @@ constexpr double kFocusWithoutDepthRange = 5;  // metres
 constexpr double kFullFrameWidth = 36;         // millimetres
 constexpr int kMaxWidth = 1920;                // pixels
 
+/// Sets the frame rate of the shot, and the speed of the take with which each frame shows one tick.
+void set_rate(const store::Timeline& timeline, schemas::ShotDocument& shot,
+              schemas::ShotDocument::Layer& layer) {
+  constexpr FrameRate kPlayback{24, 1};  // of takes that are faster than any shot
+  // Measured rates have any number of decimals, and may be near those of film.
+  const double written = std::max(std::round(timeline.fps * 1e6), 1.0) / 1e6;
+  const FrameRate rate = frame_rate_from(written).value_or(kPlayback);
+  shot.fps = rate.fps();
+  shot.fps_numerator = rate.numerator;
+  shot.fps_denominator = rate.denominator;
+  const double speed = rate.fps() / timeline.fps;
+  constexpr double kSmallDrift = 0.01;  // ticks, in the whole take
+  if (std::abs(speed - 1) * static_cast<double>(timeline.ticks.size()) > kSmallDrift) {
+    layer.speed = speed;
+  }
+}
+
 }  // namespace
 
 int central_camera(const rig::Rig& rig) {
@@ -66,12 +83,6 @@ schemas::ShotDocument make_take_shot(const store::Take& take, const store::Timel
   const int divisor = (central.model.width() + kMaxWidth - 1) / kMaxWidth;
   shot.width = std::max(1, central.model.width() / divisor);
   shot.height = std::max(1, central.model.height() / divisor);
-  shot.fps = timeline.fps;
-  // Measured rates have any number of decimals.
-  const FrameRate rate = frame_rate_from(std::round(shot.fps * 1e6) / 1e6).value_or(FrameRate{});
-  shot.fps = rate.fps();
-  shot.fps_numerator = rate.numerator;
-  shot.fps_denominator = rate.denominator;
   shot.first_frame = 1;
   shot.last_frame = static_cast<int>(timeline.ticks.size());
 
@@ -92,6 +103,7 @@ schemas::ShotDocument make_take_shot(const store::Take& take, const store::Timel
   layer.name = "light_field";
   layer.take = path;
   layer.focal_plane.kind = schemas::ShotDocument::FocalPlane::Kind::kCamera;
+  set_rate(timeline, shot, layer);
   shot.layers = {layer};
   return shot;
 }

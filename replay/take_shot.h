@@ -18,8 +18,10 @@ struct ShotText {
 
 /// Returns a shot that shows a whole take, for a viewer: one light field layer, a camera at the
 /// centre of the array with the lens of its cameras, focused at the optimal focal depth (thesis
-/// eq. 2.2; 5 m if the take has no depth range), one frame per tick. `path`: of the take, relative
-/// to the folder of the shot.
+/// eq. 2.2; 5 m if the take has no depth range), one frame per tick. The rate is that of the
+/// timeline as shots write it: rates of film, six decimals, or 24 for more than 1000 ticks per
+/// second; the layer's speed makes up for the difference. `path`: of the take, relative to the
+/// folder of the shot.
 schemas::ShotDocument make_take_shot(const store::Take& take, const store::Timeline& timeline,
                                      const std::string& path);
 

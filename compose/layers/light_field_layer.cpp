@@ -528,11 +528,12 @@ bool LightFieldLayer::fill_metadata(const ShownTick& shown, ExrMetadata& metadat
       metadata.absent_cameras.push_back(take_.document().cameras[camera].id);
     }
   }
-  // captureRate is defined only if each shot frame is one capture.
+  // captureRate is defined only if each shot frame is one capture. Without a speed, the rate of the
+  // timeline may differ from the shot's as a measured rate does from a nominal one.
   const double fps = static_cast<double>(fps_numerator_) / fps_denominator_;
   const double speed = std::abs(layer_.speed);
-  if (!time_ && speed > 0 && std::abs(timeline_.fps * speed - fps) < 1e-3 * fps &&
-      std::abs(speed - 1) < 1e-9) {
+  const double tolerance = std::abs(speed - 1) < 1e-9 ? 1e-3 : 1e-9;
+  if (!time_ && std::abs(timeline_.fps * speed - fps) < tolerance * fps) {
     metadata.capture_rate = timeline_.fps;
   }
   return true;

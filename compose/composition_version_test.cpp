@@ -39,8 +39,8 @@ class CompositionVersion : public testing::SequenceTest {
   }
 };
 
-TEST_F(CompositionVersion, ThirteenHasThesePixels) {
-  static_assert(kReconstructionVersion == 13);
+TEST_F(CompositionVersion, FourteenHasThesePixels) {
+  static_assert(kReconstructionVersion == 14);
   write_files();
   shot_.layers[0].name = "wall";
   shot_.layers[0].shadows = schemas::ShotDocument::ReceivedShadows{};

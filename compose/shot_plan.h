@@ -28,7 +28,7 @@
 namespace raystage::compose {
 
 /// Raised whenever the same inputs give other pixels, so that existing files count as out of date.
-inline constexpr int kReconstructionVersion = 13;
+inline constexpr int kReconstructionVersion = 14;
 
 /// A frame of the shot, or a time within its exposure, with the instants that it shows.
 struct PlannedFrame {

@@ -25,29 +25,33 @@ using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 constexpr int kMaxBounces = 4;
-constexpr int kGlossyRays = 4;       // per sample at the first bounce, then one
-constexpr int kLightRays = 4;        // the same, to each light with a size
-constexpr double kRayOffset = 2e-5;  // in radii of the mesh: start of rays that leave it
+constexpr int kGlossyRays = 4;  // per sample at the first bounce, then one
+constexpr int kLightRays = 4;   // the same, to each light with a size
 constexpr int kRowsPerTask = 2;
+
+/// Rounding of a hit and of the surface around it: in Embree, which computes in float, relative to
+/// the radius of the mesh, and in the world, relative to the distance from its origin.
+constexpr double kEmbreeRounding = 8 * double{std::numeric_limits<float>::epsilon()};
+constexpr double kWorldRounding = 16 * std::numeric_limits<double>::epsilon();
 
 /// A ray of a path and its contribution to a pixel.
 struct Path {
   render::WorldRay ray;
   Vector3f weight{1, 1, 1};
+  Vector3f normal{0, 0, 0};  // geometric, of the surface that the ray leaves; 0: the camera
   std::uint32_t pixel = 0;   // index in the task's rows
   std::uint32_t sample = 0;  // index in the pixel
   std::uint32_t sum = 0;     // index in the sums of light
-  double min_distance = 0;   // start of the ray, metres from its origin
-  double distance = 0;       // length of the path before this ray, metres
   float spread = 0;          // radians
+  double distance = 0;       // length of the path before this ray, metres
   bool gathers = true;       // diffuse surfaces that it hits gather light
 };
 
 struct ShadowRay {
   render::WorldRay ray;
+  Vector3f normal;  // geometric, of the surface that the ray leaves
   Vector3f light;
   std::uint32_t sum = 0;  // index in the sums of light
-  double min_distance = 0;
   double max_distance = SurfaceHit::kNone;
 };
 
@@ -71,8 +75,10 @@ class RowRenderer {
         pixels_(static_cast<std::uint32_t>((end - begin) * camera.width)),
         light_(gathered == nullptr ? pixels_ : std::size_t{2} * pixels_, Vector3f::Zero()) {
     for (const MeshInstance& placed : scene.meshes) {
-      ray_offset_.push_back(kRayOffset * placed.scene->radius() *
-                            std::cbrt(std::abs(placed.world_from_object.linear().determinant())));
+      const Vector3d centre = placed.world_from_object * placed.scene->centre();
+      const double radius =
+          placed.scene->radius() * placed.world_from_object.linear().colwise().norm().maxCoeff();
+      rounding_.push_back(kEmbreeRounding * radius + kWorldRounding * (centre.norm() + radius));
     }
   }
 
@@ -130,32 +136,29 @@ class RowRenderer {
     return hits;
   }
 
+  /// Returns the ray by which a mesh is traced for one that leaves a surface. It begins above the
+  /// surface by the rounding of this mesh alone: it does not hit its own surface, also at a low
+  /// angle, and hits what touches that, however large it is.
+  template <class Ray>
+  render::WorldRay ray_for(std::size_t mesh, const Ray& leaving) const {
+    return {leaving.ray.origin + rounding_[mesh] * leaving.normal.template cast<double>(),
+            leaving.ray.direction};
+  }
+
   /// Returns the first hit of each path among all meshes. `met`: receives the meshes' indices.
   std::vector<SurfaceHit> intersect_all(const std::vector<Path>& wave,
                                         std::vector<std::uint32_t>& met) const {
     std::vector<SurfaceHit> hits(wave.size());
     met.assign(wave.size(), 0);
-    std::vector<render::WorldRay> rays;
-    std::vector<SurfaceHit> of_run;
-    // Consecutive rays with the same start are traced together.
-    for (std::size_t begin = 0; begin < wave.size();) {
-      std::size_t end = begin;
-      rays.clear();
-      while (end < wave.size() && wave[end].min_distance == wave[begin].min_distance) {
-        rays.push_back(wave[end++].ray);
+    std::vector<render::WorldRay> rays(wave.size());
+    for (std::size_t m = 0; m < scene_.meshes.size(); ++m) {
+      const MeshInstance& mesh = scene_.meshes[m];
+      for (std::size_t i = 0; i < wave.size(); ++i) rays[i] = ray_for(m, wave[i]);
+      const std::vector<SurfaceHit> before = hits;
+      mesh.scene->intersect(mesh.object_from_world, rays, 0, hits);
+      for (std::size_t i = 0; i < wave.size(); ++i) {
+        if (hits[i].distance < before[i].distance) met[i] = static_cast<std::uint32_t>(m);
       }
-      of_run.assign(rays.size(), {});
-      for (std::size_t m = 0; m < scene_.meshes.size(); ++m) {
-        std::vector<SurfaceHit> before = of_run;
-        scene_.meshes[m].scene->intersect(scene_.meshes[m].object_from_world, rays,
-                                          wave[begin].min_distance, of_run);
-        for (std::size_t i = 0; i < rays.size(); ++i) {
-          if (of_run[i].distance < before[i].distance)
-            met[begin + i] = static_cast<std::uint32_t>(m);
-        }
-      }
-      std::ranges::copy(of_run, hits.begin() + begin);
-      begin = end;
     }
     return hits;
   }
@@ -185,13 +188,13 @@ class RowRenderer {
       if (!hits[i].is_hit()) continue;
       const Path& path = wave[i];
       const MeshInstance& mesh = scene_.meshes[met[i]];
-      const SurfacePoint point = surface_point_at(mesh, scene_.textures, path.ray, hits[i],
-                                                  double{path.spread}, path.distance);
+      const SurfacePoint point = surface_point_at(mesh, scene_.textures, ray_for(met[i], path),
+                                                  hits[i], double{path.spread}, path.distance);
       if (is_first) add_albedo(path, point);
       Path next = path;
       next.weight = path.weight.cwiseProduct(point.color);
       next.distance = path.distance + hits[i].distance;
-      next.min_distance = ray_offset_[met[i]];
+      next.normal = point.geometric_normal.cast<float>();
       next.ray.origin = point.position;
       switch (point.material->kind) {
         case Material::Kind::kDiffuse:
@@ -258,7 +261,7 @@ class RowRenderer {
         at.weight.cwiseProduct(light.color) * static_cast<float>(cosine * sample.strength / rays);
     if (light.casts_shadows) {
       shadows.push_back(
-          {{point.position, sample.towards}, lit, at.sum, at.min_distance, sample.distance});
+          {{point.position, sample.towards}, at.normal, lit, at.sum, sample.distance});
     } else {
       light_[at.sum] += lit;
     }
@@ -278,23 +281,17 @@ class RowRenderer {
   }
 
   void trace_shadow_rays(const std::vector<ShadowRay>& shadows, RayCoherence order) {
-    for (std::size_t begin = 0; begin < shadows.size();) {
-      std::size_t end = begin;
-      std::vector<render::WorldRay> rays;
-      std::vector<double> max_distance;
-      while (end < shadows.size() && shadows[end].min_distance == shadows[begin].min_distance) {
-        max_distance.push_back(shadows[end].max_distance);
-        rays.push_back(shadows[end++].ray);
-      }
-      std::vector<std::uint8_t> occluded(rays.size(), 0);
-      for (const MeshInstance& mesh : scene_.meshes) {
-        mesh.scene->occlude(mesh.object_from_world, rays, shadows[begin].min_distance, max_distance,
-                            occluded, order);
-      }
-      for (std::size_t i = 0; i < rays.size(); ++i) {
-        if (occluded[i] == 0) light_[shadows[begin + i].sum] += shadows[begin + i].light;
-      }
-      begin = end;
+    std::vector<render::WorldRay> rays(shadows.size());
+    std::vector<double> max_distance;
+    for (const ShadowRay& shadow : shadows) max_distance.push_back(shadow.max_distance);
+    std::vector<std::uint8_t> occluded(shadows.size(), 0);
+    for (std::size_t m = 0; m < scene_.meshes.size(); ++m) {
+      const MeshInstance& mesh = scene_.meshes[m];
+      for (std::size_t i = 0; i < rays.size(); ++i) rays[i] = ray_for(m, shadows[i]);
+      mesh.scene->occlude(mesh.object_from_world, rays, 0, max_distance, occluded, order);
+    }
+    for (std::size_t i = 0; i < shadows.size(); ++i) {
+      if (occluded[i] == 0) light_[shadows[i].sum] += shadows[i].light;
     }
   }
 
@@ -430,8 +427,8 @@ class RowRenderer {
   const AdjacentViews* adjacent_;
   LayerImage& image_;
   GatheredLight* gathered_;
-  std::uint32_t pixels_;            // of these rows
-  std::vector<double> ray_offset_;  // of each mesh, metres
+  std::uint32_t pixels_;          // of these rows
+  std::vector<double> rounding_;  // of each mesh, metres
   /// Of each pixel, summed over its samples: its light, then what it gathers.
   std::vector<Vector3f> light_;
   std::vector<Nearest> nearest_;

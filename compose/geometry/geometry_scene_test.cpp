@@ -173,6 +173,50 @@ TEST(GeometryView, OthersThrowShadowsButAreNotSeen) {
   EXPECT_NEAR(pixel_of(render_geometry(geometry, 0, camera, 1), 50, 48)[0], 0.8, 1e-5);
 }
 
+/// A card of 1 cm stands on a square of 1 km, whose coordinates are float in Embree.
+TEST(GeometryView, WhatTouchesAHugeSurfaceThrowsItsShadowThere) {
+  constexpr double kCardHeight = 0.01;  // metres
+  const EmbreeMesh ground(square(500, make_material(Kind::kDiffuse)), "ground");
+  Mesh upright = square(kCardHeight / 2, make_material(Kind::kDiffuse));
+  for (Vector3d& p : upright.positions) p = {0, p.y(), p.x() + kCardHeight / 2};
+  const EmbreeMesh card(upright, "card");
+  const Vector3d place(230, -110, 0);
+  GeometryScene geometry{{make_instance(ground, {0, 0, 0}), make_instance(card, place)}, {}, {}};
+  geometry.lights.direct = {{Vector3d(1, 0, 1).normalized(), {1, 1, 1}, true}};
+  const render::VirtualCamera camera = looking_from(place + Vector3d(0, 0, 0.1), 256, 8);
+  const LayerImage image = render_geometry(geometry, 0, camera, 1);
+  int shaded = 0;
+  for (int x = 0; x < camera.width; ++x) {
+    const double on_ground = (x + 0.5 - camera.intrinsics.cx) / camera.intrinsics.fx * 0.1;
+    const double from_edge = std::min(on_ground + kCardHeight, -on_ground);
+    if (std::abs(from_edge) < 1e-3) continue;
+    shaded += from_edge > 0 ? 1 : 0;
+    EXPECT_NEAR(pixel_of(image, x, 4)[0], from_edge > 0 ? 0 : std::sqrt(0.5), 1e-5) << on_ground;
+  }
+  EXPECT_GT(shaded, 15);
+}
+
+TEST(GeometryView, NoSurfaceShadowsItself) {
+  for (int i = 0; i < 24; ++i) {
+    Mesh tilted = square(500, make_material(Kind::kDiffuse));
+    const Eigen::Matrix3d turn =
+        Eigen::AngleAxisd(0.04 * i, Vector3d(1, 0.3, 0).normalized()).toRotationMatrix();
+    for (Vector3d& p : tilted.positions) p = turn * p;
+    const EmbreeMesh ground(tilted, "ground");
+    GeometryScene geometry{{make_instance(ground, {3, 5, 7})}, {}, {}};
+    // The light grazes the ground.
+    const double cosine = 0.002;
+    const Vector3d towards(std::cos(i), std::sin(i), cosine);
+    geometry.lights.direct = {{turn * towards.normalized(), {1, 1, 1}, true}};
+    const render::VirtualCamera camera = looking_from({3, 5, 7 + 5.0 * (i + 1)}, 32, 24);
+    const LayerImage image = render_geometry(geometry, 0, camera, 1);
+    for (std::size_t pixel = 0; pixel < image.pixels(); ++pixel) {
+      ASSERT_EQ(image.rgba[4 * pixel + 3], 1);
+      ASSERT_NEAR(image.rgba[4 * pixel], cosine, 1e-6) << i << " " << pixel;
+    }
+  }
+}
+
 /// The penumbra of a square's edge: a share of the lamp's disc that the edge leaves.
 TEST(GeometryView, ALampWithASizeCastsASoftShadow) {
   const EmbreeMesh floor(square(4, make_material(Kind::kDiffuse)), "floor");

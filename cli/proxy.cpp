@@ -125,9 +125,9 @@ ExitCode write_proxy(Options& options, const std::stop_token& stop) {
   arena.execute([&] {
     const CancellationScope cancellation(stop);
     if (extension == ".ply") {
-      const auto points = compose::make_point_cloud(take, timeline, proxy);
-      write_file_atomically(options.output, compose::format_ply(points));
-      progress.say(fmt::format("{}: {} points", options.output.string(), points.size()));
+      const compose::PointCloud cloud = compose::make_point_cloud(take, timeline, proxy);
+      write_file_atomically(options.output, compose::format_ply(cloud));
+      progress.say(fmt::format("{}: {} points", options.output.string(), cloud.points.size()));
     } else {
       const compose::ProxyMesh mesh = compose::make_proxy_mesh(take, timeline, proxy);
       write_file_atomically(options.output,

@@ -59,14 +59,20 @@ ordered_json unlit_material() {
 
 }  // namespace
 
-std::string format_ply(std::span<const ProxyPoint> points) {
+std::string format_ply(const PointCloud& cloud) {
+  const bool is_near = cloud.origin.isZero(0);
   std::string bytes = fmt::format(
       "ply\nformat binary_little_endian 1.0\ncomment Raystage: metres, y up\n"
-      "element vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+      "element vertex {0}\nproperty {1} x\nproperty {1} y\nproperty {1} z\n"
       "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
-      points.size());
-  for (const ProxyPoint& point : points) {
-    for (const float value : point.position) append_value(bytes, value);
+      cloud.points.size(), is_near ? "float" : "double");
+  for (const ProxyPoint& point : cloud.points) {
+    if (is_near) {
+      for (const float value : point.position) append_value(bytes, value);
+    } else {
+      const Eigen::Vector3d in_world = cloud.origin + point.position.cast<double>();
+      for (const double value : in_world) append_value(bytes, value);
+    }
     for (const std::uint8_t code : point.color) append_value(bytes, code);
   }
   return bytes;
@@ -95,7 +101,8 @@ std::string format_glb(const ProxyMesh& mesh, const std::string& name) {
                         {"scene", 0},
                         {"scenes", {{{"nodes", {0}}}}},
                         {"nodes", {{{"name", name}, {"mesh", 0}}}}};
-  const auto vector_of = [](const Eigen::Vector3f& v) { return ordered_json{v.x(), v.y(), v.z()}; };
+  const auto vector_of = [](const auto& v) { return ordered_json{v.x(), v.y(), v.z()}; };
+  if (!mesh.origin.isZero(0)) document["nodes"][0]["translation"] = vector_of(mesh.origin);
   document["accessors"] = {{{"bufferView", buffer.add(positions, kVertices)},
                             {"componentType", kFloat},
                             {"count", mesh.positions.size()},

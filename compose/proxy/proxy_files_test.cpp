@@ -20,8 +20,9 @@ T value_at(const std::string& bytes, std::size_t at) {
 }
 
 TEST(ProxyFiles, PlyHasItsPoints) {
-  const std::vector<ProxyPoint> points{{{1, 2, 3}, {4, 5, 6}}, {{-1, 0, 0.5F}, {255, 0, 1}}};
-  const std::string file = format_ply(points);
+  PointCloud cloud;
+  cloud.points = {{{1, 2, 3}, {4, 5, 6}}, {{-1, 0, 0.5F}, {255, 0, 1}}};
+  const std::string file = format_ply(cloud);
   EXPECT_THAT(file, ::testing::StartsWith("ply\nformat binary_little_endian 1.0\n"));
   EXPECT_THAT(file, ::testing::HasSubstr("element vertex 2\n"));
   const std::size_t at = file.find("end_header\n") + 11;
@@ -29,6 +30,19 @@ TEST(ProxyFiles, PlyHasItsPoints) {
   EXPECT_EQ(value_at<float>(file, at + 8), 3);
   EXPECT_EQ(value_at<std::uint8_t>(file, at + 14), 6);
   EXPECT_EQ(value_at<float>(file, at + 15 + 8), 0.5F);
+}
+
+TEST(ProxyFiles, PlyIsPreciseFarFromTheOrigin) {
+  PointCloud cloud;
+  cloud.origin = {456'789, 210, -5'000'000};
+  cloud.points = {{{1, 2, 3}, {4, 5, 6}}, {{0.25F, 0, 0.001F}, {255, 0, 1}}};
+  const std::string file = format_ply(cloud);
+  EXPECT_THAT(file, ::testing::HasSubstr("property double z\nproperty uchar red\n"));
+  const std::size_t at = file.find("end_header\n") + 11;
+  ASSERT_EQ(file.size(), at + 2 * 27);
+  EXPECT_EQ(value_at<std::uint8_t>(file, at + 26), 6);
+  EXPECT_EQ(value_at<double>(file, at + 27), 456'789.25);
+  EXPECT_NEAR(value_at<double>(file, at + 27 + 16), -4'999'999.999, 1e-9);
 }
 
 TEST(ProxyFiles, GlbHasItsMeshAndTexture) {
@@ -60,6 +74,12 @@ TEST(ProxyFiles, GlbHasItsMeshAndTexture) {
       store::JpegDecoder().decode(std::as_bytes(std::span(jpeg)), "texture");
   EXPECT_EQ(texture.width, 5);
   EXPECT_EQ(texture.height, 3);
+  EXPECT_FALSE(document["nodes"][0].contains("translation"));
+  mesh.origin = {456'789, 210, -5'000'000};
+  const std::string far = format_glb(mesh, "scene");
+  const auto moved = nlohmann::json::parse(far.substr(20, value_at<std::uint32_t>(far, 12)));
+  EXPECT_EQ(moved["nodes"][0]["translation"], (nlohmann::json{456'789, 210, -5'000'000}));
+  EXPECT_EQ(moved["accessors"], document["accessors"]);
 }
 
 }  // namespace

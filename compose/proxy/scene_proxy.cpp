@@ -19,7 +19,6 @@
 #include "base/error.h"
 #include "base/transfer_function.h"
 #include "render/renderer.h"
-#include "rig/rig.h"
 
 namespace raystage::compose {
 namespace {
@@ -58,10 +57,11 @@ class SurfaceDepths {
   const render::RenderedView& view_;
 };
 
-Eigen::Vector3f world_point(const render::VirtualCamera& camera, int x, int y, float z) {
+Eigen::Vector3f world_point(const render::VirtualCamera& camera, int x, int y, float z,
+                            const Vector3d& origin) {
   const schemas::Intrinsics& k = camera.intrinsics;
   const Vector3d in_camera((x + 0.5 - k.cx) * z / k.fx, -(y + 0.5 - k.cy) * z / k.fy, -z);
-  return camera.pose.world_from_camera(in_camera).cast<float>();
+  return (camera.pose.world_from_camera(in_camera) - origin).cast<float>();
 }
 
 /// Makes pixels at edges of depth those of the surface whose depth they have.
@@ -199,15 +199,22 @@ bool SceneProxyOptions::is_valid(std::string* reason) const {
   return true;
 }
 
+Vector3d proxy_origin(const rig::Rig& rig) {
+  constexpr double kNear = 1000;  // metres; floats are exact to 0.03 mm there
+  const Vector3d centre = rig.centre();
+  return centre.norm() > kNear ? Vector3d(centre.array().round()) : Vector3d(Vector3d::Zero());
+}
+
 std::vector<ProxyPoint> points_of_view(const render::RenderedView& view,
-                                       const render::VirtualCamera& camera) {
+                                       const render::VirtualCamera& camera,
+                                       const Vector3d& origin) {
   const SurfaceDepths depths(view);
   std::vector<ProxyPoint> points;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
       if (!depths.is_surface(x, y)) continue;
       points.push_back(
-          {world_point(camera, x, y, depths.at(x, y)), code_of(view, view.index(x, y))});
+          {world_point(camera, x, y, depths.at(x, y), origin), code_of(view, view.index(x, y))});
     }
   }
   return points;
@@ -233,9 +240,11 @@ std::vector<ProxyPoint> thin_out(const std::vector<ProxyPoint>& points, double c
   }
 }
 
-ProxyMesh mesh_of_view(const render::RenderedView& view, const render::VirtualCamera& camera) {
+ProxyMesh mesh_of_view(const render::RenderedView& view, const render::VirtualCamera& camera,
+                       const Vector3d& origin) {
   const SurfaceDepths depths(view);
   ProxyMesh mesh;
+  mesh.origin = origin;
   mesh.texture = store::RgbImage(view.width, view.height);
   constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   std::vector<std::uint32_t> vertex(static_cast<std::size_t>(view.width) * view.height, kNone);
@@ -245,7 +254,7 @@ ProxyMesh mesh_of_view(const render::RenderedView& view, const render::VirtualCa
       std::ranges::copy(code_of(view, i), mesh.texture.row(y).begin() + 3 * x);
       if (!depths.is_surface(x, y)) continue;
       vertex[i] = static_cast<std::uint32_t>(mesh.positions.size());
-      mesh.positions.push_back(world_point(camera, x, y, depths.at(x, y)));
+      mesh.positions.push_back(world_point(camera, x, y, depths.at(x, y), origin));
       mesh.texture_coordinates.emplace_back((x + 0.5F) / view.width, (y + 0.5F) / view.height);
     }
   }
@@ -271,25 +280,27 @@ ProxyMesh mesh_of_view(const render::RenderedView& view, const render::VirtualCa
   return mesh;
 }
 
-std::vector<ProxyPoint> make_point_cloud(const store::Take& take, const store::Timeline& timeline,
-                                         const SceneProxyOptions& options) {
+PointCloud make_point_cloud(const store::Take& take, const store::Timeline& timeline,
+                            const SceneProxyOptions& options) {
   ProxyViews views(take, timeline, options);
+  const Vector3d origin = proxy_origin(take.rig());
   std::vector<ProxyPoint> points;
   double cell = std::numeric_limits<double>::infinity();
   const std::vector<int> cameras = spread_cameras(take.rig(), options.views);
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     options.progress(static_cast<double>(i) / cameras.size());
     const render::VirtualCamera camera = view_at(take.rig().cameras[cameras[i]], options.width);
-    const std::vector<ProxyPoint> added = points_of_view(views.render(camera), camera);
+    const std::vector<ProxyPoint> added = points_of_view(views.render(camera), camera, origin);
     for (const ProxyPoint& point : added) {
-      const double z = -camera.pose.camera_from_world(point.position.cast<double>()).z();
+      const Vector3d in_world = origin + point.position.cast<double>();
+      const double z = -camera.pose.camera_from_world(in_world).z();
       cell = std::min(cell, z / camera.intrinsics.fx);  // a pixel of the nearest surface
     }
     points.insert(points.end(), added.begin(), added.end());
   }
   options.progress(1);
   views.report_rotten_cameras(options);
-  return thin_out(points, std::isfinite(cell) && cell > 0 ? cell : 1, options.max_points);
+  return {origin, thin_out(points, std::isfinite(cell) && cell > 0 ? cell : 1, options.max_points)};
 }
 
 ProxyMesh make_proxy_mesh(const store::Take& take, const store::Timeline& timeline,
@@ -298,7 +309,7 @@ ProxyMesh make_proxy_mesh(const store::Take& take, const store::Timeline& timeli
   const int middle = spread_cameras(take.rig(), 1).front();
   const render::VirtualCamera camera = view_at(take.rig().cameras[middle], options.width);
   options.progress(0);
-  ProxyMesh mesh = mesh_of_view(views.render(camera), camera);
+  ProxyMesh mesh = mesh_of_view(views.render(camera), camera, proxy_origin(take.rig()));
   options.progress(1);
   views.report_rotten_cameras(options);
   return mesh;

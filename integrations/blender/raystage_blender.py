@@ -303,7 +303,7 @@ def run_raystage(*arguments: str) -> None:
 
 
 def read_proxy(file: pathlib.Path):
-    """Returns positions, triangles, texture coordinates and the JPEG of a file that `raystage proxy` wrote (GLB: glTF 2.0, chapter 4).
+    """Returns what a file of `raystage proxy` holds (GLB: glTF 2.0, chapter 4): the origin, positions from it, triangles, texture coordinates, JPEG.
 
     Blender's own importer needs NumPy, in a version that some Linux distributions do not have.
     """
@@ -323,8 +323,9 @@ def read_proxy(file: pathlib.Path):
         def numbers(accessor: int, form: str) -> list[tuple]:
             return list(struct.iter_unpack(form, view(document["accessors"][accessor]["bufferView"])))
         primitive = document["meshes"][0]["primitives"][0]
-        return (numbers(primitive["attributes"]["POSITION"], "<3f"), numbers(primitive["indices"], "<3I"),
-                numbers(primitive["attributes"]["TEXCOORD_0"], "<2f"), view(document["images"][0]["bufferView"]))
+        return (document["nodes"][0].get("translation", (0, 0, 0)), numbers(primitive["attributes"]["POSITION"], "<3f"),
+                numbers(primitive["indices"], "<3I"), numbers(primitive["attributes"]["TEXCOORD_0"], "<2f"),
+                view(document["images"][0]["bufferView"]))
     except (OSError, ValueError, KeyError, IndexError, TypeError, struct.error) as error:
         raise RaystageError(f"{file}: {error}") from error
 
@@ -348,20 +349,25 @@ def add_take_proxy(context, take: pathlib.Path, collection, seconds: float) -> N
     with tempfile.TemporaryDirectory() as folder:
         file = pathlib.Path(folder, "proxy.glb")
         run_raystage("proxy", str(take), "-o", str(file), "--time", repr(seconds), "--quiet")
-        positions, triangles, coordinates, picture = read_proxy(file)
+        origin, positions, triangles, coordinates, picture = read_proxy(file)
         texture = pathlib.Path(folder, f"{take.name} proxy.jpg")
         texture.write_bytes(picture)
         image = bpy.data.images.load(str(texture))
         image.pack()  # the file is temporary
     scale = 1 / context.scene.unit_settings.scale_length
+
+    def in_blender(point) -> tuple:
+        x, y, z = point
+        return x * scale, -z * scale, y * scale
     mesh = bpy.data.meshes.new(f"{take.name} proxy")
-    mesh.from_pydata([(x * scale, -z * scale, y * scale) for x, y, z in positions], [], triangles)
+    mesh.from_pydata([in_blender(position) for position in positions], [], triangles)
     layer = mesh.uv_layers.new()
     for loop in mesh.loops:
         u, v = coordinates[loop.vertex_index]
         layer.data[loop.index].uv = (u, 1 - v)  # Blender counts from below
     mesh.materials.append(textured_material(mesh.name, image))
     found = bpy.data.objects.new(mesh.name, mesh)
+    found.location = in_blender(origin)
     found.hide_render = True  # for layout
     collection.objects.link(found)
 

@@ -231,7 +231,8 @@ def import_take(take: str, point: str) -> None:
     meshes = [found for found in bpy.data.objects if found.type == "MESH"]
     corners_of_mesh = [meshes[0].matrix_world @ vertex.co for vertex in meshes[0].data.vertices]
     answer({"pixels": pixels, "triangles": [len(found.data.polygons) for found in meshes],
-            "middle_depth": sorted(p.y for p in corners_of_mesh)[len(corners_of_mesh) // 2],
+            "middle_depth": sorted(p.y for p in corners_of_mesh)[len(corners_of_mesh) // 2], "origin": list(meshes[0].location),
+            "depths": len({round(vertex.co.y, 4) for vertex in meshes[0].data.vertices}),
             "collections": [c.name for c in scene.collection.children]})
 
 

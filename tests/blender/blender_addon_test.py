@@ -187,6 +187,17 @@ class BlenderAddon(unittest.TestCase):
         near, far = document["depth_range_m"]
         self.assertTrue(near * 0.8 < found["middle_depth"] < far * 1.2, found)
         self.assertEqual(found["collections"][-1], "Raystage take")
+        self.assertEqual(found["origin"], [0, 0, 0])
+        # Far from the origin of the world the proxy keeps its shape.
+        far_take = self.folder / "far_take"
+        shutil.copytree(take, far_take)
+        for camera in rig["cameras"]:
+            for row, offset in zip(camera["world_from_camera"], (456789, 210, -5000000)):
+                row[3] += offset
+        (far_take / "rig.json").write_text(json.dumps(rig))
+        far_found = blender("import_take", far_take, json.dumps(point))
+        self.assertEqual(far_found["origin"], [456789, 5000000, 210])
+        self.assertGreater(far_found["depths"], found["depths"] / 2)
         failed = blender("failed_import", take)
         self.assertIn("the take has 0 to", failed["messages"][0])
         self.assertIn("take.json is missing", failed["messages"][1])

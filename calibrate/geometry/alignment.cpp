@@ -19,22 +19,38 @@ Vector3d mean_of(std::span<const rig::Pose> poses) {
   return sum / static_cast<double>(poses.size());
 }
 
+/// Returns the sum of the squared distances of the centres from their mean; 0 if they are in one
+/// place except for rounding.
+double spread_around(const Vector3d& mean, std::span<const rig::Pose> poses) {
+  constexpr double kRounding = 1e-13;  // of the mean, relative to its distance from the origin
+  double farthest = 0, sum = 0;
+  for (const rig::Pose& pose : poses) {
+    const double square = (pose.position - mean).squaredNorm();
+    farthest = std::max(farthest, square);
+    sum += square;
+  }
+  return std::sqrt(farthest) > kRounding * mean.norm() ? sum : 0;
+}
+
 }  // namespace
 
 SimilarityTransform estimate_similarity(std::span<const rig::Pose> from,
                                         std::span<const rig::Pose> to) {
   const Vector3d middle_from = mean_of(from), middle_to = mean_of(to);
   Matrix3d covariance = Matrix3d::Zero();
-  double spread_from = 0, spread_to = 0;
   for (std::size_t i = 0; i < from.size(); ++i) {
     const Vector3d a = from[i].position - middle_from, b = to[i].position - middle_to;
     covariance += b * a.transpose();
-    spread_from += a.squaredNorm();
-    spread_to += b.squaredNorm();
   }
+  const double spread_from = spread_around(middle_from, from),
+               spread_to = spread_around(middle_to, to);
+  // Centres in one place, as those of a panoramic head, determine neither rotation nor scale.
+  const bool has_spread = spread_from > 0 && spread_to > 0;
+  if (!has_spread) covariance.setZero();
   // A direction has the weight of a centre at the mean distance. It determines the rotation that
   // centres on a line leave open.
-  const double weight = std::sqrt(spread_from * spread_to) / static_cast<double>(from.size());
+  const double weight =
+      has_spread ? std::sqrt(spread_from * spread_to) / static_cast<double>(from.size()) : 1;
   Matrix3d with_directions = covariance;
   for (std::size_t i = 0; i < from.size(); ++i) {
     with_directions +=
@@ -45,8 +61,7 @@ SimilarityTransform estimate_similarity(std::span<const rig::Pose> from,
   mirror(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
   SimilarityTransform result;
   result.rotation = svd.matrixU() * mirror * svd.matrixV().transpose();
-  if (spread_from > 0)
-    result.scale = (result.rotation.transpose() * covariance).trace() / spread_from;
+  if (has_spread) result.scale = (result.rotation.transpose() * covariance).trace() / spread_from;
   result.translation = middle_to - result.scale * (result.rotation * middle_from);
   return result;
 }

@@ -29,7 +29,8 @@ inline rig::Pose inverse(const rig::Pose& pose) {
 
 /// Returns the similarity that aligns `from` with `to`: least squares over the centres (Umeyama
 /// 1991) and the viewing directions. A direction has the weight of a centre at the mean distance of
-/// the centres from their mean. Both have the same size, at least two.
+/// the centres from their mean. Where the centres of either are in one place, directions alone
+/// determine the rotation, and the scale is 1. Both have the same size, at least two.
 SimilarityTransform estimate_similarity(std::span<const rig::Pose> from,
                                         std::span<const rig::Pose> to);
 

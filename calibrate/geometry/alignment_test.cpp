@@ -55,6 +55,23 @@ TEST(Alignment, BringsAnyArrayBack) {
   }
 }
 
+TEST(Alignment, DirectionsAlignCentresInOnePlace) {
+  std::mt19937 random(6);
+  // The mean of seven such centres is rounded; one array has a spread, the other none.
+  for (const double spread : {0.0, 0.1}) {
+    std::vector<rig::Pose> from, to;
+    const Eigen::Matrix3d turn = some_turn(random);
+    for (int camera = 0; camera < 7; ++camera) {
+      from.push_back({some_turn(random), {0.1, 0.2 + spread * camera, 5e6 / 3}});
+      to.push_back({turn * from.back().world_from_camera_rotation, {0.7, 0.1, -0.3}});
+    }
+    const SimilarityTransform found = estimate_similarity(from, to);
+    EXPECT_LT((found.rotation - turn).norm(), 1e-12);
+    EXPECT_EQ(found.scale, 1);
+    EXPECT_LT((found(from[3].position) - to[3].position).norm(), 1e-8);
+  }
+}
+
 TEST(Alignment, MovesAllThatIsFound) {
   ArrayModel model;
   model.cameras.resize(2);

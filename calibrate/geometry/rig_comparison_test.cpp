@@ -49,6 +49,31 @@ TEST(RigComparisons, ForgiveTheWorld) {
   }
 }
 
+TEST(RigComparisons, ForgiveTheTurnOfAPanoramicHead) {
+  schemas::RigDocument head = grid_rig();
+  head.cameras.resize(4);
+  schemas::RigDocument turned = head;
+  const auto around = [](double degrees) {
+    return Eigen::AngleAxisd(degrees * testing::kTestDegree, Eigen::Vector3d::UnitY())
+        .toRotationMatrix();
+  };
+  for (int i = 0; i < 4; ++i) {
+    const auto set = [i](schemas::RigDocument& rig, const Eigen::Matrix3d& rotation) {
+      rig.cameras[static_cast<std::size_t>(i)].geometry.world_from_camera =
+          rig::matrix_from_pose({rotation, {1, 2, 3}});
+    };
+    set(head, around(90 * i));
+    set(turned, around(90 * i + 30));
+  }
+  const RigComparison comparison = compare_rigs(head, turned, 0);
+  EXPECT_EQ(comparison.scale, 1);
+  for (const RigComparison::Camera& camera : comparison.cameras) {
+    EXPECT_LE(camera.position_m, 1e-12);
+    EXPECT_LE(camera.rotation_deg, 1e-5);
+    EXPECT_LE(camera.max_px, 1e-6);
+  }
+}
+
 TEST(RigComparisons, TellWhatMoved) {
   const schemas::RigDocument rig = grid_rig();
   schemas::RigDocument turned = rig;

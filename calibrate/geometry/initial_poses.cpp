@@ -65,9 +65,17 @@ struct Pair {
   double score = 0;
 };
 
-/// Rates two cameras as the initial pair: inliers times the angle between their rays.
+/// Returns the largest error of an inlier on the ideal image plane: half of the reprojection error
+/// that `options` allow, by the camera's own focal length.
+double inlier_threshold(const rig::CameraModel& lens, const InitialPosesOptions& options) {
+  return options.max_error_px / 2 * (1 / lens.intrinsics().fx);
+}
+
+/// Rates two cameras as the initial pair: inliers times the angle between their rays. The essential
+/// matrix is tested by the Sampson distance, whose standard deviation is the root mean square of
+/// those in the two images, as far as the epipolar constraint has gradients of one length in both.
 Pair score_pair(const std::vector<CameraObservations>& observations, int first, int second,
-                double noise) {
+                const InitialPosesOptions& options) {
   const CameraObservations &a = observations[first], &b = observations[second];
   std::vector<Vector3d> from_rays, to_rays;
   for (const auto& [point, ray] : a.rays) {
@@ -85,6 +93,9 @@ Pair score_pair(const std::vector<CameraObservations>& observations, int first, 
     to.push_back(opencv_point(*to_point));
   }
   if (from.size() < kMinCommon) return {};
+  const double of_first = inlier_threshold(a.lens, options),
+               of_second = inlier_threshold(b.lens, options);
+  const double noise = std::sqrt((of_first * of_first + of_second * of_second) / 2);
   cv::setRNGSeed(1);
   cv::Mat inliers, rotation, translation;
   const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
@@ -113,7 +124,8 @@ Pair score_pair(const std::vector<CameraObservations>& observations, int first, 
   return pair;
 }
 
-Pair best_pair(const std::vector<CameraObservations>& observations, double noise) {
+Pair best_pair(const std::vector<CameraObservations>& observations,
+               const InitialPosesOptions& options) {
   // Pairs of the camera with the most observations and every other.
   const auto most = std::ranges::max_element(
       observations, {}, [](const CameraObservations& camera) { return camera.rays.size(); });
@@ -121,7 +133,7 @@ Pair best_pair(const std::vector<CameraObservations>& observations, double noise
   Pair best;
   for (int second = 0; second < static_cast<int>(observations.size()); ++second) {
     if (second == first) continue;
-    const Pair pair = score_pair(observations, first, second, noise);
+    const Pair pair = score_pair(observations, first, second, options);
     if (pair.score > best.score) best = pair;
   }
   return best;
@@ -199,8 +211,8 @@ Registration register_with_focal_ratio(const rig::CameraModel& lens, const Known
 
 /// Returns a camera's pose from the known points; none with too few inliers.
 std::optional<Registration> register_camera(const ArrayModel& model,
-                                            const CameraObservations& observed, double noise,
-                                            bool lens_differs) {
+                                            const CameraObservations& observed,
+                                            const InitialPosesOptions& options) {
   KnownPoints known;
   for (const auto& [point, ray] : observed.rays) {
     const auto& found = model.points[point];
@@ -210,19 +222,17 @@ std::optional<Registration> register_camera(const ArrayModel& model,
     known.pixels.push_back(observed.pixels.at(point));
   }
   if (known.points.size() < kMinKnown) return std::nullopt;
+  const double noise = inlier_threshold(observed.lens, options);
   Registration best = register_with_focal_ratio(observed.lens, known, noise, 1);
   const std::size_t most = best.used * 4 / 5;
   for (const double factor : {0.8, 1.25, 0.64, 1.56, 0.5, 2.0}) {
-    if (!lens_differs || best.agree >= most) break;
+    if (!options.estimates_focal_lengths || best.agree >= most) break;
     const Registration other = register_with_focal_ratio(observed.lens, known, noise, factor);
     if (other.agree > best.agree) best = other;
   }
   if (best.agree < std::max<std::size_t>(kMinKnown, best.used / 3)) return std::nullopt;
   return best;
 }
-
-/// Returns ideal image units per pixel, of the first camera.
-double ideal_per_pixel(const ArrayModel& model) { return 1 / model.cameras.front().intrinsics.fx; }
 
 void refine(ArrayModel& model, const InitialPosesOptions& options) {
   BundleAdjustmentOptions bundle;
@@ -243,8 +253,7 @@ bool InitialPosesOptions::is_valid(std::string* reason) const {
 
 bool estimate_initial_poses(ArrayModel& model, const InitialPosesOptions& options) {
   require_valid(options, "initial poses");
-  const double noise = options.max_error_px / 2 * ideal_per_pixel(model);
-  const Pair pair = best_pair(observations_by_camera(model), noise);
+  const Pair pair = best_pair(observations_by_camera(model), options);
   if (pair.first < 0) return false;
   model.cameras[pair.first].pose = rig::Pose{};
   model.cameras[pair.second].pose = pair.second_pose;
@@ -257,7 +266,6 @@ bool estimate_initial_poses(ArrayModel& model, const InitialPosesOptions& option
 void register_cameras(ArrayModel& model, const InitialPosesOptions& options) {
   require_valid(options, "initial poses");
   const std::vector<CameraObservations> observations = observations_by_camera(model);
-  const double noise = options.max_error_px / 2 * ideal_per_pixel(model);
   const auto known_of = [&](const CameraObservations& observed) {
     return std::ranges::count_if(
         observed.rays, [&](const auto& seen) { return model.points[seen.first].has_value(); });
@@ -275,8 +283,7 @@ void register_cameras(ArrayModel& model, const InitialPosesOptions& options) {
     bool found = false;
     for (const auto& [known, camera] : next) {
       if (known < kMinKnown) break;
-      const auto placement =
-          register_camera(model, observations[camera], noise, options.estimates_focal_lengths);
+      const auto placement = register_camera(model, observations[camera], options);
       if (!placement) continue;
       model.cameras[camera].pose = placement->pose;
       model.cameras[camera].intrinsics.fx *= placement->focal_ratio;

@@ -6,7 +6,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "base/error.h"
+#include "calibrate/geometry/initial_poses.h"
 #include "testing/calibrate/test_synthetic_array.h"
 #include "testing/test_data.h"
 
@@ -56,6 +59,43 @@ TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
   };
   EXPECT_THROW(solve_array(truth.detections, options, report), Error);
   EXPECT_EQ(steps, std::vector<std::string>{"poses and points"});
+}
+
+/// Returns the initial model of an array in which the cameras `fine` have six times as many pixels
+/// along each side. Lenses are known, and detections are a pixel off in each camera.
+ArrayModel mixed_array(testing::SyntheticArray& truth, const std::vector<int>& fine) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  std::vector<double> scales(truth.poses.size(), 1);
+  for (const int camera : fine) scales[static_cast<std::size_t>(camera)] = 6;
+  for (Detections::Detection& detection : truth.detections.detections) {
+    detection.pixel *= scales[static_cast<std::size_t>(detection.camera)];
+    detection.pixel += Eigen::Vector2d(normal(random), normal(random));
+  }
+  ArrayModel model = make_initial_model(truth.detections, 60 * testing::kTestDegree);
+  for (std::size_t i = 0; i < scales.size(); ++i) {
+    ArrayModel::Camera& camera = model.cameras[i];
+    camera.width *= static_cast<int>(scales[i]);
+    camera.height *= static_cast<int>(scales[i]);
+    camera.intrinsics = truth.lens;
+    for (double* length : {&camera.intrinsics.fx, &camera.intrinsics.fy, &camera.intrinsics.cx,
+                           &camera.intrinsics.cy}) {
+      *length *= scales[i];
+    }
+  }
+  return model;
+}
+
+TEST(InitialPoses, CamerasOfAnyResolutionAreRegisteredInAnyOrder) {
+  for (const std::vector<int>& fine : {std::vector{0, 2, 4}, {1, 3, 5}, {0}, {5}}) {
+    testing::SyntheticArray truth = testing::make_synthetic_array(
+        {.rows = 2, .columns = 3, .spacing = 0.2, .noise_px = 0, .outliers = 0, .missing = 0});
+    ArrayModel model = mixed_array(truth, fine);
+    ASSERT_TRUE(estimate_initial_poses(model, {}));
+    const testing::PoseErrors errors = testing::pose_errors(model, truth.poses);
+    EXPECT_EQ(errors.placed, 6) << fine.size() << " from camera " << fine[0];
+    EXPECT_LE(errors.metres, 0.02);
+  }
 }
 
 /// Solves a captured recording of a light, with a lens for each camera.

@@ -353,6 +353,19 @@ TEST(LumigraphWeights, ACoarserCameraCountsLess) {
   EXPECT_LT(reference_weights(rig, ray, 0.25, weighing)[1], 0.05);
 }
 
+// The penalty of the border is in camera spacings, to which a pair of cameras does not belong.
+TEST(LumigraphWeights, CamerasNextToEachOtherKeepTheSpacing) {
+  rig::Rig rig = grid_rig(3, 3);
+  EXPECT_NEAR(mean_nearest_baseline(rig), 0.06, 1e-12);
+  for (std::size_t i = 0; i < 9; ++i) {
+    rig.cameras.push_back(rig.cameras[i]);
+    rig.cameras.back().pose.position.y() += 0.0003;
+    EXPECT_NEAR(mean_nearest_baseline(rig), 0.06, 0.0003) << i + 1 << " pairs";
+  }
+  rig.cameras = std::vector(3, rig.cameras[0]);
+  EXPECT_EQ(mean_nearest_baseline(rig), 1);
+}
+
 TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
   const rig::Rig rig = grid_rig(9, 9, {-0.1, 0, 0, 0, 0});
   const std::vector<int> all = all_cameras(rig);

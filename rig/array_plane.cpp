@@ -2,10 +2,11 @@
 // Fits a plane to the camera centres of an array by principal component analysis (eigenvectors of
 // the 3x3 covariance). The second direction is that of the residuals of the first, which is exact
 // even for nearly collinear arrays. Real rows scatter about their line by millimetres; triangles of
-// them would be slivers, outside of which no ray is seen. Such an array counts as collinear. Input:
-// n centres (world, metres) and n unit viewing directions. Output: axes, distinct centres, and
-// their coordinates in the plane, snapped to integer multiples of 2^-26 of the extent for exact
-// predicates. Cost: O(n^2), from coincidence tests.
+// them would be slivers, outside of which no ray is seen. Such an array counts as collinear, and a
+// camera next to another one (a pair behind a beam splitter) changes neither that nor the order of
+// the row. Input: n centres (world, metres) and n unit viewing directions. Output: axes, distinct
+// centres, and their coordinates in the plane, snapped to integer multiples of 2^-26 of the extent
+// for exact predicates. Cost: O(n^2), from coincidence tests.
 #include "rig/array_plane.h"
 
 #include <Eigen/Eigenvalues>
@@ -16,6 +17,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "rig/camera_stations.h"
 
 namespace raystage::rig {
 namespace {
@@ -98,9 +100,17 @@ double smallest_spacing(const Points& points, const Eigen::Vector3d& direction) 
   return spacing;
 }
 
-bool is_row(const Points& points, const Eigen::Vector3d& direction) {
+template <class Value>
+std::vector<Value> selected(const std::vector<Value>& values, std::span<const int> indices) {
+  std::vector<Value> result;
+  for (const int index : indices) result.push_back(values[index]);
+  return result;
+}
+
+/// `stations`: those of the points that stand for their station.
+bool is_row(const Points& points, const Points& stations, const Eigen::Vector3d& direction) {
   return distance_from_line(points, direction) < kCollinear ||
-         extent_across(points, direction) < kRowScatter * smallest_spacing(points, direction);
+         extent_across(points, direction) < kRowScatter * smallest_spacing(stations, direction);
 }
 
 void keep_distinct_snapped(ArrayPlane& plane, const Points& scaled) {
@@ -159,14 +169,17 @@ ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
   }
 
   const Eigen::Vector3d line = with_largest_positive(main_direction(scaled));
-  if (is_row(scaled, line)) {
+  const std::vector<int> firsts = first_of_stations(scaled);
+  const Points stations = selected(scaled, firsts);
+  if (is_row(scaled, stations, line)) {
     plane.dimension = 1;
     plane.along = line;
     const Eigen::Vector3d back = towards_back - line * line.dot(towards_back);
     plane.normal =
         back.norm() > 1e-9 ? Eigen::Vector3d(back.normalized()) : world_axis_across(line, 2);
     plane.up = plane.normal.cross(plane.along);
-    keep_distinct_snapped(plane, scaled);
+    plane.distinct = selected(plane.distinct, firsts);
+    keep_distinct_snapped(plane, stations);
     return plane;
   }
 

@@ -24,8 +24,9 @@ struct ArrayPlane {
 /// Fits the plane to `centres` (world, metres). Centres closer than 1e-9 of the extent (the
 /// diagonal of the bounding box), or snapped to the same point, are coincident. The array is
 /// collinear if all centres are closer than 1e-7 of the extent to a line, or if their extent
-/// perpendicular to it is less than 0.1 of the smallest spacing along it. `viewing_directions`:
-/// unit, world, one per centre. Throws Error (bad input) for no centre or one that is not finite.
+/// perpendicular to it is less than 0.1 of the smallest spacing of stations (camera_stations.h)
+/// along it; then one centre per station is distinct. `viewing_directions`: unit, world, one per
+/// centre. Throws Error (bad input) for no centre or one that is not finite.
 ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
                            std::span<const Eigen::Vector3d> viewing_directions);
 

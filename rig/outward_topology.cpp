@@ -11,12 +11,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <set>
 #include <utility>
 #include <vector>
 
 #include "rig/array_plane.h"
+#include "rig/camera_stations.h"
 #include "rig/delaunay.h"
 
 namespace raystage::rig {
@@ -56,18 +56,20 @@ bool looks_outwards(std::span<const Vector3d> offsets, std::span<const Vector3d>
   return outwards > kOutwards * count && mean_of(directions).norm() < kAligned;
 }
 
-double smallest_spacing(std::span<const Vector3d> offsets) {
+double smallest_spacing(std::span<const Vector3d> offsets, std::span<const int> stations) {
   double least = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < offsets.size(); ++i) {
+  for (std::size_t i = 0; i < stations.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
-      least = std::min(least, (offsets[i] - offsets[j]).norm());
+      least = std::min(least, (offsets[stations[i]] - offsets[stations[j]]).norm());
     }
   }
   return least;
 }
 
-/// Returns the unit normal of the plane that all offsets lie in, or nullopt.
-std::optional<Vector3d> common_plane(std::span<const Vector3d> offsets) {
+/// Returns the unit normal of the plane that all offsets lie in, or nullopt. `stations`: the
+/// indices of the offsets that stand for their station.
+std::optional<Vector3d> common_plane(std::span<const Vector3d> offsets,
+                                     std::span<const int> stations) {
   constexpr double kFlat = 0.1;  // of the smallest spacing
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (const Vector3d& offset : offsets) spread += offset * offset.transpose();
@@ -78,7 +80,7 @@ std::optional<Vector3d> common_plane(std::span<const Vector3d> offsets) {
     least = std::min(least, normal.dot(offset));
     most = std::max(most, normal.dot(offset));
   }
-  if (most - least > kFlat * smallest_spacing(offsets)) return std::nullopt;
+  if (most - least > kFlat * smallest_spacing(offsets, stations)) return std::nullopt;
   return normal;
 }
 
@@ -95,12 +97,12 @@ bool is_convex(std::span<const Vector3d> offsets, std::span<const int> order,
   return true;
 }
 
-/// Returns the strips of a ring, or nullopt if the cameras are not one ring, as those of two rings
-/// or of a plate.
-std::optional<Topology> ring_of_strips(std::span<const Vector3d> offsets, const Vector3d& normal) {
+/// Returns the strips of a ring, or nullopt if the stations are not one ring, as those of two rings
+/// or of a plate. Other cameras of a station are left out.
+std::optional<Topology> ring_of_strips(std::span<const Vector3d> offsets,
+                                       std::span<const int> stations, const Vector3d& normal) {
   const Vector3d across = normal.unitOrthogonal(), along = normal.cross(across);
-  std::vector<int> order(offsets.size());
-  std::iota(order.begin(), order.end(), 0);
+  std::vector<int> order(stations.begin(), stations.end());
   std::ranges::sort(
       order, {}, [&](int i) { return std::atan2(offsets[i].dot(along), offsets[i].dot(across)); });
   if (!is_convex(offsets, order, normal)) return std::nullopt;
@@ -196,8 +198,9 @@ std::optional<Topology> outward_topology(std::span<const Vector3d> centres,
   if (is_at_middle || !looks_outwards(offsets, directions)) return std::nullopt;
 
   std::optional<Topology> topology;
-  if (const auto normal = common_plane(offsets)) {
-    topology = ring_of_strips(offsets, *normal);
+  const std::vector<int> stations = first_of_stations(offsets);
+  if (const auto normal = common_plane(offsets, stations)) {
+    topology = ring_of_strips(offsets, stations, *normal);
   } else if ((topology = closed_surface(offsets))) {
     topology->normal = plane.normal;
     topology->up = plane.up;

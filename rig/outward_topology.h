@@ -16,9 +16,10 @@ namespace raystage::rig {
 ///
 /// Centres around a volume: the Delaunay triangulation of their directions from the mean, a closed
 /// surface (computed in the plane by stereographic projection from the first centre, with exact
-/// predicates). Centres in a plane, within 0.1 of the smallest spacing: a closed ring of strips
-/// along the plane's normal, if they are the corners of a convex polygon. `viewing_directions`:
-/// unit, world, one per centre.
+/// predicates). Centres in a plane, within 0.1 of the smallest spacing of stations
+/// (camera_stations.h): a closed ring of strips along the plane's normal, if the first centres of
+/// the stations are the corners of a convex polygon. `viewing_directions`: unit, world, one per
+/// centre.
 std::optional<Topology> outward_topology(std::span<const Eigen::Vector3d> centres,
                                          std::span<const Eigen::Vector3d> viewing_directions);
 

@@ -127,6 +127,23 @@ TEST(OutwardTopology, ARingIsClosedByStrips) {
   EXPECT_EQ(next.size(), 8U);
 }
 
+TEST(OutwardTopology, ACameraNextToAnotherOneKeepsTheRing) {
+  for (const bool is_behind : {false, true}) {
+    std::vector<Vector3d> centres;
+    for (int i = 0; i < 8; ++i) {
+      const double turn = 2 * std::numbers::pi * i / 8;
+      centres.emplace_back(std::cos(turn), 0.01 * (i % 2), std::sin(turn));
+    }
+    const Vector3d off = is_behind ? Vector3d(-0.003, 0, 0) : Vector3d(0, -0.003, 0);
+    centres.push_back(centres[0] + off);
+    const auto topology = outward_topology(centres, directions_of(centres, Vector3d::Zero()));
+    ASSERT_TRUE(topology);
+    EXPECT_EQ(topology->kind, Topology::Kind::kSegments);
+    EXPECT_EQ(topology->cells.size(), 8U);
+    for (const Topology::Cell& cell : topology->cells) EXPECT_LT(std::max(cell[0], cell[1]), 8);
+  }
+}
+
 TEST(OutwardTopology, OtherArraysHaveNone) {
   const Vector3d ahead = -Vector3d::UnitZ();
   std::vector<Vector3d> grid, inwards = spiral(30, -1), towards;

@@ -38,7 +38,8 @@ struct Topology {
 /// Predicates are exact (centres snapped to 2^-26 of the extent), so co-circular centres, as in a
 /// regular grid, give one deterministic triangulation. Centres closer than 1e-9 of the extent (or
 /// coincident) are merged into the first. Centres are collinear if all are closer than 1e-7 of the
-/// extent to a line, or if they scatter about it by less than 0.1 of their smallest spacing.
+/// extent to a line, or if they scatter about it by less than 0.1 of the smallest spacing of their
+/// stations (camera_stations.h), which count once in a row.
 /// `viewing_directions`: unit, world, one per centre. Throws Error (bad input) for no centre.
 Topology delaunay_topology(std::span<const Eigen::Vector3d> centres,
                            std::span<const Eigen::Vector3d> viewing_directions);

@@ -206,6 +206,26 @@ TEST(DelaunayTopology, ARowThatScattersIsARowInItsOrder) {
   }
 }
 
+TEST(DelaunayTopology, ACameraNextToAnotherOneKeepsTheRow) {
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> scatter(-0.001, 0.001);
+  for (const bool all : {false, true}) {
+    Points centres;
+    for (int c = 0; c < 8; ++c) centres.emplace_back(0.06 * c, scatter(random), scatter(random));
+    for (std::size_t c = all ? 0 : 3; c < (all ? 8U : 4U); ++c) {
+      const Eigen::Vector3d off(scatter(random), scatter(random), scatter(random));
+      centres.emplace_back(centres[c] + 0.0003 * off.normalized());
+    }
+    const Topology topology = delaunay(centres);
+    ASSERT_EQ(topology.kind, Topology::Kind::kSegments) << all;
+    ASSERT_EQ(topology.cells.size(), 7U);
+    for (int c = 0; c < 7; ++c) {
+      EXPECT_EQ(topology.cells[static_cast<std::size_t>(c)], (Topology::Cell{c, c + 1, -1}));
+    }
+    EXPECT_GT(topology.normal.z(), 0.99);
+  }
+}
+
 TEST(DelaunayTopology, CamerasOneAboveTheOtherAreNoRow) {
   // Two columns far apart: the spacing along the long axis is 0 within a column.
   EXPECT_EQ(delaunay({{0, 0, 0}, {0, 1, 0}, {1000, 0, 0}, {1000, 1, 0}}).kind,

@@ -14,8 +14,10 @@
 #include <iterator>
 #include <limits>
 #include <set>
+#include <utility>
 
 #include "base/parallel.h"
+#include "rig/camera_stations.h"
 
 namespace raystage::render {
 namespace {
@@ -292,6 +294,7 @@ double required_plane_count(const InverseDepthRange& range, const VirtualCamera&
                             const rig::Rig& rig, const BlendingField& field, double step_px) {
   constexpr int kParts = 8;
   const ViewRays rays(view);
+  const std::vector<int> stations = rig::camera_stations(rig);
   // Largest disparity rate, in pixels per 1/m, between the cameras chosen at a pixel.
   const auto fastest_at = [&](double x, double y, const std::vector<CameraWeight>& chosen) {
     double fastest = 0;
@@ -300,10 +303,11 @@ double required_plane_count(const InverseDepthRange& range, const VirtualCamera&
     for (const CameraWeight& one : chosen) {
       const rig::Rig::Camera& camera = rig.cameras[one.camera];
       const rig::Rig::Camera* neighbour = nullptr;
-      double nearest = kInfinity;
+      std::pair nearest{true, kInfinity};  // those of other stations first
       for (const CameraWeight& other : chosen) {
         const rig::Rig::Camera& candidate = rig.cameras[other.camera];
-        const double distance = (candidate.pose.position - camera.pose.position).norm();
+        const std::pair distance{stations[other.camera] == stations[one.camera],
+                                 (candidate.pose.position - camera.pose.position).norm()};
         if (other.camera == one.camera || distance >= nearest) continue;
         nearest = distance;
         neighbour = &candidate;

@@ -122,8 +122,9 @@ InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const r
                                               schemas::DepthRange scene);
 
 /// Returns the number of planes needed across the range. From plane to plane, a point then moves by
-/// at most `step_px` pixels between neighbouring cameras of `field` (eq. 2.1). The result is an
-/// integer of any size: 1 where the range is a point or no two cameras see the same rays.
+/// at most `step_px` pixels between neighbouring cameras of `field` (eq. 2.1), at different
+/// stations (rig/camera_stations.h) if there are any. The result is an integer of any size: 1 where
+/// the range is a point or no two cameras see the same rays.
 double required_plane_count(const InverseDepthRange& range, const VirtualCamera& view,
                             const rig::Rig& rig, const BlendingField& field, double step_px);
 /// Returns a plane count rounded for display, so coarsely that it is the same throughout a shot:

@@ -159,5 +159,24 @@ TEST(SweepPlanes, AreAsManyAsDisparityAsksFor) {
   EXPECT_NEAR(evenly_spaced_planes({1.0 / 8, 0.5}, 1).farthest, 5.0 / 16, 1e-12);
 }
 
+TEST(SweepPlanes, CamerasNextToEachOtherKeepTheNumber) {
+  const VirtualCamera view = view_from({0.05, 0.05, 0});
+  const auto planes = [&](const rig::Rig& rig, const std::vector<int>& members, int cameras) {
+    const auto range = inverse_depth_range_in_view(view, rig, {2, 8});
+    const BlendingField field(view, rig, members, range, cameras);
+    return required_plane_count(range, view, rig, field, 0.5);
+  };
+  rig::Rig rig = grid(3);
+  const double alone = planes(rig, all(rig), 4);
+  for (std::size_t i = 0; i < 9; ++i) {
+    rig.cameras.push_back(rig.cameras[i]);
+    rig.cameras.back().pose.position.x() += 0.0003;
+  }
+  EXPECT_NEAR(planes(rig, all(rig), 8), alone, 2);
+  // Of the four nearest cameras two are at each of two stations, which may be on a diagonal.
+  EXPECT_NEAR(planes(rig, all(rig), 4), 1 + std::sqrt(2) * (alone - 1), 2);
+  EXPECT_LE(planes(rig, {4, 13}, 4), 2);  // the pair has nothing but each other
+}
+
 }  // namespace
 }  // namespace raystage::render

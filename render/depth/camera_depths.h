@@ -57,9 +57,10 @@ struct InitialSweepPlanes {
 struct CameraDepths {
   /// By camera of the rig; see undistorted(). Those of DepthEstimationOptions::regions.
   std::vector<VirtualCamera> pinholes;
+  std::vector<int> stations;  ///< by camera: rig::camera_stations()
   /// Empty where there is no frame, or no region.
   std::vector<InverseDepthMap> maps;
-  /// The inverse depth, 1/m, that moves a point by one pixel between neighbouring cameras (median
+  /// The inverse depth, 1/m, that moves a point by one pixel between neighbouring stations (median
   /// over the rig). It is 0 if no two cameras see the same from different positions.
   double inverse_depth_per_pixel = 0;
   std::vector<InverseDepthMap> block_nearest;  ///< of the maps, by compute_block_nearest()

@@ -211,6 +211,67 @@ TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
   EXPECT_LT(wrong, at_border / 100);
 }
 
+/// Returns a grid of 3 x 3 cameras 60 mm apart, of which the first `pairs` have another one 0.3 mm
+/// beside them.
+rig::Rig grid_with_pairs(std::size_t pairs) {
+  rig::Rig rig;
+  std::vector<schemas::CameraGeometry> cameras = testing::camera_grid(3, 3, 0.06, 640, 480, {});
+  for (std::size_t i = 0; i < pairs; ++i) {
+    cameras.push_back(cameras[i]);
+    cameras.back().world_from_camera[i % 2 == 0 ? 3 : 7] += 0.0003;
+  }
+  for (const schemas::CameraGeometry& camera : cameras) {
+    rig.cameras.push_back({camera.id,
+                           rig::CameraModel(camera),
+                           rig::pose_from_matrix(camera.world_from_camera),
+                           {},
+                           {},
+                           {}});
+  }
+  return rig;
+}
+
+TEST(InitialSweep, CamerasNextToEachOtherKeepPlanesAndTolerance) {
+  DepthEstimationOptions options;
+  options.scene = {2, 8};
+  std::vector<InitialSweepPlanes> alone;
+  double per_pixel = 0;
+  for (const std::size_t pairs : {0, 1, 5, 9}) {
+    const rig::Rig rig = grid_with_pairs(pairs);
+    LightFieldFrame instant;
+    instant.rig = &rig;
+    instant.frame_of_camera.assign(rig.cameras.size(), 0);
+    const CameraDepths depths = camera_depths_without_maps(instant, options);
+    for (int camera = 0; camera < static_cast<int>(rig.cameras.size()); ++camera) {
+      const InitialSweepPlanes planes = initial_sweep_planes(depths, instant, camera, options);
+      if (pairs == 0) alone.push_back(planes);
+      // Neighbours are up to 0.3 mm nearer or farther.
+      EXPECT_NEAR(planes.count, alone[static_cast<std::size_t>(camera) % 9].count, 1)
+          << pairs << " pairs, camera " << camera;
+    }
+    if (pairs == 0) per_pixel = depths.inverse_depth_per_pixel;
+    EXPECT_NEAR(depths.inverse_depth_per_pixel, per_pixel, 0.01 * per_pixel) << pairs << " pairs";
+  }
+  EXPECT_GT(alone[0].count, 20);
+}
+
+// Nothing else than the other one of its pair shows what such a camera sees.
+TEST(InitialSweep, APairThatLooksElsewhereIsMatchedWithItself) {
+  rig::Rig rig = grid_with_pairs(1);
+  const Eigen::AngleAxisd back(3, Vector3d::UnitY());
+  for (const std::size_t camera : {0, 9}) {
+    rig.cameras[camera].pose.world_from_camera_rotation = back.toRotationMatrix();
+  }
+  LightFieldFrame instant;
+  instant.rig = &rig;
+  instant.frame_of_camera.assign(rig.cameras.size(), 0);
+  DepthEstimationOptions options;
+  options.scene = {2, 8};
+  const CameraDepths depths = camera_depths_without_maps(instant, options);
+  EXPECT_EQ(depth_neighbours(depths, instant, 0, {1.0 / 8, 1.0 / 2}, 8), (std::vector<int>{9}));
+  EXPECT_GT(depths.inverse_depth_per_pixel, 0);
+}
+
 TEST_F(CameraDepthsTest, SameInGroupsOfAnySizeAndInLittleMemory) {
   record(4, 4, 56, 42, kBarrel);
   options_.support_views = 5;

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Selects the cameras that each camera is matched with (the nearest that share its view) and the
 // planes of its initial sweep. Planes are spaced by at most plane_px of disparity to the nearest
-// neighbour. Also computes the inverse depth per pixel of disparity, the median over the rig.
-// Distances in metres, inverse depths in 1/m. Cost: O(cameras^2).
+// neighbour at another station (rig/camera_stations.h): a pair behind a beam splitter has almost no
+// disparity, but is matched with the other stations, too. Also computes the inverse depth per pixel
+// of disparity, the median over the rig. Distances in metres, inverse depths in 1/m. Cost:
+// O(cameras^2).
 #include <algorithm>
 #include <cmath>
 
 #include "render/depth/camera_depths.h"
+#include "rig/camera_stations.h"
 
 namespace raystage::render {
 namespace {
@@ -35,6 +38,19 @@ bool share_a_view(const VirtualCamera& camera, const VirtualCamera& other,
   return false;
 }
 
+/// Returns the disparity to the nearest of depth_neighbours() at another station, or the nearest of
+/// all if there is none; 0 without neighbours.
+double disparity_to_neighbour(const CameraDepths& depths, const LightFieldFrame& instant,
+                              int camera, const InverseDepthRange& range) {
+  const std::vector<int> others =
+      depth_neighbours(depths, instant, camera, range, static_cast<int>(depths.pinholes.size()));
+  if (others.empty()) return 0;
+  const auto elsewhere = std::ranges::find_if(
+      others, [&](int other) { return depths.stations[other] != depths.stations[camera]; });
+  const int neighbour = elsewhere == others.end() ? others[0] : *elsewhere;
+  return disparity(depths.pinholes[neighbour], depths.pinholes[camera]);
+}
+
 }  // namespace
 
 std::vector<int> depth_neighbours(const CameraDepths& depths, const LightFieldFrame& instant,
@@ -60,8 +76,7 @@ InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightF
   const VirtualCamera& from = depths.pinholes[camera];
   const InverseDepthRange seen = inverse_depth_range_in_view(from, *instant.rig, options.scene);
   if (seen.empty()) return {};
-  const std::vector<int> nearest = depth_neighbours(depths, instant, camera, seen, 1);
-  const double moves = nearest.empty() ? 0 : disparity(depths.pinholes[nearest[0]], from);
+  const double moves = disparity_to_neighbour(depths, instant, camera, seen);
   const double steps = std::ceil((seen.nearest - seen.farthest) * moves / options.plane_px - 1e-9);
   const int count =
       1 + static_cast<int>(std::clamp(steps, 0.0, depth_estimation::kMaxPlanes - 1.0));
@@ -75,15 +90,15 @@ CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
   for (const rig::Rig::Camera& camera : instant.rig->cameras) {
     depths.pinholes.push_back(undistorted(camera.model, camera.pose));
   }
+  depths.stations = rig::camera_stations(*instant.rig);
   depths.maps.resize(depths.pinholes.size());
   std::vector<double> moves;
   for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
     if (!instant.is_present(static_cast<int>(i))) continue;
     const InverseDepthRange range =
         inverse_depth_range_in_view(depths.pinholes[i], *instant.rig, options.scene);
-    const auto nearest = depth_neighbours(depths, instant, static_cast<int>(i), range, 1);
-    if (nearest.empty()) continue;
-    moves.push_back(disparity(depths.pinholes[nearest[0]], depths.pinholes[i]));
+    const double move = disparity_to_neighbour(depths, instant, static_cast<int>(i), range);
+    if (move > 0) moves.push_back(move);
   }
   if (!moves.empty()) {
     const auto middle = moves.begin() + static_cast<std::ptrdiff_t>(moves.size() / 2);

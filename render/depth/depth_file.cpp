@@ -25,16 +25,7 @@ constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kVersionAt = 8, kMapsAt = 12, kFingerprintAt = 16, kHeaderBytes = 24;
 constexpr std::size_t kMapHeaderBytes = 12;
 constexpr int kLevel = 3;
-constexpr float kMaxDepthSteps = 65534;
 
-/// Returns the smallest power of two of which no depth exceeds kMaxDepthSteps; exact in float.
-float step_of(const InverseDepthMap& map) {
-  const float greatest = map.values.empty() ? 0.0F : *std::ranges::max_element(map.values);
-  if (!(greatest > 0)) return 1;
-  int exponent = 0;
-  const float part = std::frexp(greatest / kMaxDepthSteps, &exponent);
-  return std::ldexp(1.0F, part == 0.5F ? exponent - 1 : exponent);
-}
 /// Returns 0 if unknown, else 1 + the depth in steps.
 std::uint16_t code_of(float depth, float step) {
   if (depth < 0) return 0;
@@ -44,7 +35,7 @@ float depth_of(std::uint16_t code, float step) {
   return code == 0 ? kUnknownDepth : static_cast<float>(code - 1) * step;
 }
 
-/// Returns whether step_of() can return this value.
+/// Returns whether depth_step() can return this value.
 bool is_step(float step) {
   int exponent = 0;
   return std::frexp(step, &exponent) == 0.5F && std::isfinite(step * kMaxDepthSteps);
@@ -130,7 +121,7 @@ class Decompressor {
 
 std::vector<std::byte> payload_of(const InverseDepthMap& map) {
   std::vector<std::byte> payload(bytes_of(map));
-  const float step = step_of(map);
+  const float step = depth_step(map);
   store_little_endian(payload, 0, static_cast<std::uint32_t>(map.width));
   store_little_endian(payload, 4, static_cast<std::uint32_t>(map.height));
   store_little_endian(payload, 8, std::bit_cast<std::uint32_t>(step));
@@ -147,8 +138,16 @@ std::vector<std::byte> payload_of(const InverseDepthMap& map) {
 
 }  // namespace
 
+float depth_step(const InverseDepthMap& map) {
+  const float greatest = map.values.empty() ? 0.0F : *std::ranges::max_element(map.values);
+  if (!(greatest > 0)) return 1;
+  int exponent = 0;
+  const float part = std::frexp(greatest / kMaxDepthSteps, &exponent);
+  return std::ldexp(1.0F, part == 0.5F ? exponent - 1 : exponent);
+}
+
 void quantise_depths(InverseDepthMap& map) {
-  const float step = step_of(map);
+  const float step = depth_step(map);
   for (float& depth : map.values) depth = depth_of(code_of(depth, step), step);
 }
 

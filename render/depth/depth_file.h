@@ -12,6 +12,12 @@
 
 namespace raystage::render {
 
+inline constexpr float kMaxDepthSteps = 65534;
+
+/// Returns the step in which a file stores a map's depths, 1/m: the smallest power of two of which
+/// no depth exceeds kMaxDepthSteps. Exact in float.
+float depth_step(const InverseDepthMap& map);
+
 /// Rounds depths to the values that a file stores: multiples of a power of two, at most 65534 of
 /// them. Estimated depths are rounded too, so that a view is the same if they are read.
 void quantise_depths(InverseDepthMap& map);

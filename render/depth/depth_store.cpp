@@ -27,6 +27,7 @@
 #include "base/little_endian.h"
 #include "base/mapped_file.h"
 #include "render/depth/depth_file.h"
+#include "rig/camera_stations.h"
 
 namespace raystage::render {
 namespace {
@@ -132,6 +133,13 @@ std::vector<std::byte> numbers_of(const rig::Rig& rig) {
   }
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     add_pixel_numbers(static_cast<double>(i), rig.cameras[i].photometric, numbers);
+  }
+  // Earlier versions estimated other depths with cameras next to each other.
+  const std::vector<int> stations = rig::camera_stations(rig);
+  for (std::size_t i = 0; i < stations.size(); ++i) {
+    const rig::Rig::Camera& first = rig.cameras[stations[i]];
+    if (first.pose.position == rig.cameras[i].pose.position) continue;
+    numbers.insert(numbers.end(), {static_cast<double>(i), static_cast<double>(stations[i])});
   }
   std::vector<std::byte> bytes(numbers.size() * sizeof(double));
   for (std::size_t i = 0; i < numbers.size(); ++i) {

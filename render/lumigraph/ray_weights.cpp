@@ -12,6 +12,7 @@
 
 #include "base/options.h"
 #include "render/sampling/direction_visibility.h"
+#include "rig/camera_stations.h"
 
 namespace raystage::render {
 namespace {
@@ -74,15 +75,7 @@ std::vector<OptionSpec> ray_weight_options() {
 
 double mean_nearest_baseline(const rig::Rig& rig) {
   double sum = 0;
-  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
-    double nearest = kInfinitePenalty;
-    for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
-      if (i == j) continue;
-      nearest =
-          std::min(nearest, (rig.cameras[i].pose.position - rig.cameras[j].pose.position).norm());
-    }
-    sum += nearest;
-  }
+  for (const double baseline : rig::nearest_baselines(rig)) sum += baseline;
   const double mean = sum / static_cast<double>(rig.cameras.size());
   return mean > 0 && std::isfinite(mean) ? mean : 1;
 }

@@ -48,8 +48,8 @@ inline constexpr double kMaxAngularPenalty = 1e20;
 RayWeightOptions ray_weight_options(const MethodOptions& options);
 std::vector<OptionSpec> ray_weight_options();  ///< returns these options
 
-/// Returns the mean distance of the cameras from their nearest neighbours, metres; 1 for a single
-/// camera or if all positions coincide.
+/// Returns the mean distance of the cameras from their nearest neighbours at other stations
+/// (rig/camera_stations.h), metres; 1 for a single station.
 double mean_nearest_baseline(const rig::Rig& rig);
 
 struct WeightedCamera {

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Imports depth maps made elsewhere. Finds the files of the cameras' frames, reads them, converts
-// them to inverse depths (pinholes) or inverse distances (fisheyes) and writes one file each, whose
-// name has the hash of its contents; then the list of all maps, atomically. Files that the list
-// does not name are removed last. Cost: decoding and encoding, in parallel over the files.
+// them to inverse depths (pinholes) or inverse distances (fisheyes), checks them (map_checks.h) and
+// writes one file each, whose name has the hash of its contents; then the list of all maps,
+// atomically. Files that the list does not name are removed last. Cost: decoding and encoding, in
+// parallel over the files.
 #include "depths/import_depths.h"
 
 #include <fmt/format.h>
@@ -26,6 +27,7 @@
 #include "base/parallel.h"
 #include "depths/depth_image.h"
 #include "depths/import_lock.h"
+#include "depths/map_checks.h"
 #include "render/depth/imported_maps.h"
 #include "schemas/imported_depths_document.h"
 #include "store/fixity/sha256.h"
@@ -43,14 +45,10 @@ struct Source {
   int camera = 0, frame = 0;
 };
 
-std::string list_of(const std::vector<std::string>& names) {
-  constexpr std::size_t kMax = 12;
-  std::string text;
-  for (std::size_t i = 0; i < std::min(kMax, names.size()); ++i) {
-    text += (i > 0 ? ", " : "") + names[i];
-  }
-  if (names.size() > kMax) text += fmt::format(" and {} more", names.size() - kMax);
-  return text;
+std::vector<std::string> names_of(const std::vector<Source>& sources) {
+  std::vector<std::string> names;
+  for (const Source& source : sources) names.push_back(source.relative.string());
+  return names;
 }
 
 /// Finds the files of a folder and their frames.
@@ -206,26 +204,15 @@ void require_shape(const render::InverseDepthMap& map, const rig::CameraModel& m
       file.string(), "Export depth maps of the whole recorded pictures, at any resolution");
 }
 
-/// Returns whether most known depths are far outside of the take's depth range.
-bool is_implausible(const render::InverseDepthMap& map,
-                    const std::optional<schemas::DepthRange>& range) {
-  if (!range) return false;
-  constexpr double kFactor = 3;
-  const double least = 1 / (range->far * kFactor), most = kFactor / range->near;
-  std::size_t known = 0, outside = 0;
-  for (const float value : map.values) {
-    if (value < 0) continue;
-    ++known;
-    if (value < least || value > most) ++outside;
-  }
-  return 2 * outside > known;
-}
-
 /// Reads, converts and writes the maps.
 class Importer {
  public:
   Importer(const store::Take& take, const fs::path& folder, const DepthImportOptions& options)
-      : take_(take), folder_(folder), options_(options), lock_(take) {}
+      : take_(take),
+        folder_(folder),
+        options_(options),
+        lock_(take),
+        parallaxes_(neighbour_parallaxes(take.rig())) {}
   Importer(const Importer&) = delete;
   Importer& operator=(const Importer&) = delete;
   ~Importer() {
@@ -242,24 +229,17 @@ class Importer {
     require_new(document, sources);
     std::vector<Document::Map> maps(sources.size());
     written_.resize(sources.size());
-    std::vector<char> is_odd(sources.size());
+    std::vector<MapFindings> findings(sources.size());
     std::atomic<std::size_t> done = 0;
     parallel_for(std::size_t{0}, sources.size(), [&](std::size_t i, const ParallelLoop& loop) {
       if (loop.failed()) return;
-      bool odd = false;
-      maps[i] = import(sources[i], written_[i], odd);
-      is_odd[i] = odd ? 1 : 0;
+      maps[i] = import(sources[i], written_[i], findings[i]);
       options_.progress(static_cast<double>(++done) / static_cast<double>(sources.size()));
     });
     DepthImportReport report = list(document, sources, maps);
     lock_.remove_unlisted(take_, document);
-    const auto odd = std::ranges::count(is_odd, 1);
-    if (odd > 0) {
-      report.notes.push_back(
-          fmt::format("most depths of {} of {} maps are far outside of the take's depth range: "
-                      "check their unit, and whether they are planar depths or distances",
-                      odd, maps.size()));
-    }
+    report.notes = notes_about(findings, names_of(sources));
+    for (const MapFindings& found : findings) report.too_near += found.too_near;
     return report;
   }
 
@@ -280,7 +260,7 @@ class Importer {
     }
   }
 
-  Document::Map import(const Source& source, std::string& written, bool& odd) const {
+  Document::Map import(const Source& source, std::string& written, MapFindings& found) const {
     const fs::path file = folder_ / source.relative;
     const rig::CameraModel& model = take_.rig().cameras[source.camera].model;
     Document::Map result;
@@ -290,7 +270,7 @@ class Importer {
     require_shape(map, model, file);
     const render::DepthQuantity quantity = render::stored_quantity(model);
     render::convert_recorded_depths(map, model, options_.encoding.quantity, quantity);
-    odd = is_implausible(map, take_.document().depth_range);
+    found = check_map(map, parallaxes_[source.camera], take_.document().depth_range);
     result.frame = source.frame;
     result.frame_xxh3 = render::imported_frame_xxh3(take_, source.camera, source.frame);
     result.quantity = quantity == render::DepthQuantity::kPlanar
@@ -375,7 +355,8 @@ class Importer {
   const store::Take& take_;
   const fs::path& folder_;
   const DepthImportOptions& options_;
-  ImportLock lock_;  ///< held until the destructor has removed files
+  ImportLock lock_;                 ///< held until the destructor has removed files
+  std::vector<double> parallaxes_;  ///< by camera
   DepthImageReader reader_;
   std::vector<std::string> written_;  ///< new files, removed unless the list names them
   bool is_listed_ = false;

@@ -31,6 +31,8 @@ struct DepthImportReport {
   std::size_t maps = 0, replaced = 0;
   int cameras = 0;           ///< that maps were imported for
   double unknown_share = 0;  ///< of all pixels
+  /// Pixels that became unknown, because others would be stored too coarsely (map_checks.h).
+  std::size_t too_near = 0;
   std::vector<std::string> notes;
 };
 

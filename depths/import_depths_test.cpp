@@ -17,6 +17,7 @@
 #include "depths/depth_image.h"
 #include "images/image_file.h"
 #include "render/common/image_quality.h"
+#include "render/depth/depth_file.h"
 #include "render/depth/imported_maps.h"
 #include "store/fixity/verify.h"
 #include "store/packing/pack_temporal.h"
@@ -28,6 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using Document = schemas::ImportedDepthsDocument;
 
@@ -321,6 +323,57 @@ TEST_F(ImportDepths, ImplausibleUnitsAreNoted) {
   options.encoding.unit_m = 0.001;
   EXPECT_THAT(import_depths(take, maps(), options, {}).notes,
               Contains(HasSubstr("far outside of the take's depth range")));
+}
+
+// A depth of 1 mm needs steps in which 10 m become 10.7 m.
+TEST_F(ImportDepths, APixelThatIsMuchTooNearLeavesTheOthersPrecise) {
+  const store::Take take = write_step(1, 2);
+  const std::vector<std::string> ids{take.document().cameras[0].id, take.document().cameras[1].id};
+  for (const std::string& id : ids) create_folder(maps() / id);
+  std::vector<float> z(96UL * 72, 10);
+  std::ranges::fill_n(z.begin(), 100, 5.0F);
+  z[7] = 200;
+  z[8] = 0.1F;  // a near object, which is kept
+  images::write_depth_image(96, 72, z, maps() / ids[1] / "000001.exr");
+  z[5000] = z[5001] = 0.001F;
+  images::write_depth_image(96, 72, z, maps() / ids[0] / "000001.exr");
+  const DepthImportReport report = import_depths(take, maps(), {}, {});
+  EXPECT_EQ(report.too_near, 2U);
+  EXPECT_NEAR(report.unknown_share, 1 / (96.0 * 72), 1e-9);
+  EXPECT_THAT(report.notes, ElementsAre(AllOf(HasSubstr("2 pixels of 1 of 2 maps are so near"),
+                                              HasSubstr(": " + ids[0] + "/000001.exr"))));
+  const Document document = render::read_imported_depths(take);
+  const auto map_of = [&](int camera) {
+    return render::read_imported_map(take, camera,
+                                     *document.find(ids[static_cast<std::size_t>(camera)], 0));
+  };
+  render::InverseDepthMap spoiled = map_of(0);
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    if (i == 5000 || i == 5001) {
+      EXPECT_EQ(spoiled.values[i], render::kUnknownDepth);
+    } else {
+      ASSERT_NEAR(spoiled.values[i], 1 / z[i], 1.25e-4) << i;  // half a step
+    }
+  }
+  // The map without outliers has the step and the bytes that it always had.
+  const render::InverseDepthMap plain = map_of(1);
+  EXPECT_EQ(render::depth_step(plain), std::ldexp(1.0F, -12));
+  spoiled.values[5000] = spoiled.values[5001] = plain.values[5000];
+  EXPECT_EQ(spoiled.values, plain.values);
+}
+
+TEST_F(ImportDepths, CoarseStepsAreNoted) {
+  const store::Take take = write_step(1, 2);
+  write_maps(take);
+  std::vector<float> z(96UL * 72, 5);
+  std::ranges::fill_n(z.begin(), 200, 1e-4F);  // 3 %
+  const std::string file = take.document().cameras[1].id + "/000001.exr";
+  images::write_depth_image(96, 72, z, maps() / file);
+  const DepthImportReport report = import_depths(take, maps(), {}, {});
+  EXPECT_EQ(report.too_near, 0U);
+  EXPECT_EQ(report.unknown_share, 0);
+  EXPECT_THAT(report.notes, ElementsAre(AllOf(HasSubstr("of 1 of 2 maps are rounded by up to 1 "),
+                                              HasSubstr(": " + file))));
 }
 
 TEST_F(ImportDepths, EveryInstantOfAMovingTakeHasItsOwnMaps) {

@@ -137,7 +137,7 @@ std::size_t ArchiveWriterThread::write(std::size_t camera,
 
 /// Records a frame that the archive rejects as dropped, at the time of the last record. Returns
 /// false if the disk does not accept that.
-bool ArchiveWriterThread::record_rejected(std::size_t camera, const QueuedFrame& frame) {
+bool ArchiveWriterThread::record_rejected(std::size_t camera, QueuedFrame& frame) {
   const Camera& rejecting = cameras_[camera];
   std::string reason;
   exception_message([&] {
@@ -151,7 +151,7 @@ bool ArchiveWriterThread::record_rejected(std::size_t camera, const QueuedFrame&
   const std::array<FrameQueue::Frame, 1> record{FrameQueue::Frame(FrameQueue::Frame(), &missing)};
   const AppendResult result = append(camera, record);
   if (result == AppendResult::kFailed) return false;
-  if (options_.writer != 0) return true;  // each copy rejects the frame: it is counted once
+  if (frame.is_counted_as_dropped.exchange(true)) return true;  // each copy rejects the frame
   if (frame.has_image()) ++rejecting.counters.dropped;
   if (result == AppendResult::kRejected) ++rejecting.counters.unrecorded;
   if (!std::exchange(retry_states_[camera].rejection_reported, true)) {
@@ -257,24 +257,35 @@ void ArchiveWriterThread::drop_remaining() {
   QueuedFrame missing;
   const std::array<FrameQueue::Frame, 1> record_of_missing{
       FrameQueue::Frame(FrameQueue::Frame(), &missing)};
-  const auto append_record = [&](std::size_t camera, std::span<const FrameQueue::Frame> record) {
-    if (append(camera, record) == AppendResult::kWritten) return true;
+  const auto with_reserve = [&](const auto& write) {
+    if (write()) return true;
     if (!std::exchange(reserve_is_whole, false)) return false;
     options_.release_reserved_space();
-    return append(camera, record) == AppendResult::kWritten;
+    return write();
   };
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     FrameQueue& queue = cameras_[i].queue;
     const auto next = [&] { return queue.start_writing(1, options_.writer); };
     for (auto front = next(); !front.empty(); front = next()) {
-      const bool picture = front[0]->has_image();
-      if (!picture || !reserve_is_whole || append(i, front) != AppendResult::kWritten) {
-        missing.status = picture ? store::FrameStatus::kDroppedDiskFull : front[0]->status;
-        missing.time_ns = front[0]->time_ns;
-        missing.origin = front[0]->origin;
-        if (picture) ++cameras_[i].counters.dropped;
-        if (!append_record(i, record_of_missing)) ++cameras_[i].counters.unrecorded;
+      QueuedFrame& frame = *front[0];
+      const bool picture = frame.has_image();
+      auto result = picture && reserve_is_whole ? append(i, front) : AppendResult::kFailed;
+      bool is_recorded = true;
+      if (result == AppendResult::kFailed) {
+        missing.status = picture ? store::FrameStatus::kDroppedDiskFull : frame.status;
+        missing.time_ns = frame.time_ns;
+        missing.origin = frame.origin;
+        if (picture && !frame.is_counted_as_dropped.exchange(true)) ++cameras_[i].counters.dropped;
+        is_recorded = with_reserve([&] {
+          result = append(i, record_of_missing);
+          return result != AppendResult::kFailed;
+        });
       }
+      // No disk space helps against a time that no archive holds.
+      if (result == AppendResult::kRejected) {
+        is_recorded = with_reserve([&] { return record_rejected(i, frame); });
+      }
+      if (!is_recorded) ++cameras_[i].counters.unrecorded;
       queue.finish_writing(1, options_.writer);
     }
   }

@@ -92,7 +92,7 @@ class ArchiveWriterThread {
     kRejected  // one of them has no valid time or size
   };
   AppendResult append(std::size_t camera, std::span<const FrameQueue::Frame> frames);
-  bool record_rejected(std::size_t camera, const QueuedFrame& frame);
+  bool record_rejected(std::size_t camera, QueuedFrame& frame);
   void wait_before_next_pass(const std::stop_token& stop);
   void set_write_error(std::size_t camera, std::string text);
   std::size_t waiting() const;

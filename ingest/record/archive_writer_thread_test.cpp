@@ -31,6 +31,12 @@ class Flow : public ::testing::Test {
     }
   }
   void push(std::size_t camera, std::size_t bytes) { push_at(++last_time_, camera, bytes); }
+  void push_record_at(Nanoseconds time, std::size_t camera) {
+    auto record = std::make_shared<QueuedFrame>();
+    record->time_ns = time;
+    record->status = store::FrameStatus::kTorn;
+    queues[camera].push(std::move(record));
+  }
   void push_at(Nanoseconds time, std::size_t camera, std::size_t bytes) {
     auto frame = std::make_shared<QueuedFrame>();
     frame->time_ns = time;
@@ -92,6 +98,36 @@ TEST_F(Flow, WhatNoArchiveCanHoldIsRecordedAsDroppedAndNotRetried) {
   EXPECT_EQ(counters[0].unrecorded, 0U);
   ASSERT_EQ(counters[0].events().size(), 1U) << "one for all of them";
   EXPECT_THAT(counters[0].events()[0].what, HasSubstr("104 days"));
+}
+
+TEST_F(Flow, AtTheEndWhatNoArchiveCanHoldSpendsNoReserve) {
+  push(0, 1000);
+  push_at(Nanoseconds{1} << 60, 0, 1000);
+  push_record_at((Nanoseconds{1} << 60) + 1, 0);
+  for (int i = 0; i < kFrames; ++i) push(1, 1000);
+  int released = 0;
+  ArchiveWriterThread writing =
+      flow({.hold = true, .release_reserved_space = [&] { ++released; }, .drain_timeout_s = 0});
+  writing.drop_remaining();
+  EXPECT_EQ(released, 0);
+  EXPECT_EQ(writing.written(1, store::FrameStatus::kStored), kFrames);
+  EXPECT_EQ(writing.written(0, store::FrameStatus::kStored), 1U);
+  EXPECT_EQ(writing.written(0, store::FrameStatus::kDroppedDiskFull), 1U);
+  EXPECT_EQ(writing.written(0, store::FrameStatus::kTorn), 1U);
+  EXPECT_EQ(counters[0].dropped, 1U);
+  EXPECT_EQ(counters[0].unrecorded, 0U);
+}
+
+TEST_F(Flow, TheSecondCopyCountsWhereTheFirstHasStopped) {
+  for (FrameQueue& queue : queues) queue.set_writers(2);
+  push(0, 1000);
+  push_at(Nanoseconds{1} << 60, 0, 1000);
+  for (FrameQueue& queue : queues) queue.stop_writer(0);
+  ArchiveWriterThread second = flow({.writer = 1, .drain_timeout_s = 10, .flush_interval_s = 0});
+  second.drain({});
+  EXPECT_EQ(second.written(0, store::FrameStatus::kStored), 1U);
+  EXPECT_EQ(counters[0].dropped, 1U);
+  EXPECT_EQ(counters[0].events().size(), 1U);
 }
 
 TEST_F(Flow, AtTheEndEveryOtherIsWrittenToo) {

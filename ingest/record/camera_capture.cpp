@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <new>
 #include <thread>
 #include <utility>
@@ -54,7 +55,7 @@ CameraCapture::CameraCapture(const Options& options, std::unique_ptr<FrameSource
       pipeline_(std::move(pipeline)),
       clock_(options.epoch_utc, options.last_time),
       reconnect_backoff_(options.reconnect) {
-  if (source_) clock_.reset_device(source_->description().fps);
+  if (source_) clock_.reset_device(source_->description());
 }
 
 void CameraCapture::run(const std::stop_token& stop) {
@@ -159,7 +160,7 @@ bool CameraCapture::reconnect(const std::stop_token& stop, std::string_view conn
       replace_source(std::move(source));
       pipeline_.counters.set_description(description);
       pipeline_.counters.is_absent = false;
-      clock_.reset_device(description.fps);
+      clock_.reset_device(description);
       pipeline_.counters.state = CameraCounters::State::kRunning;
       pipeline_.counters.add_event(
           fmt::format("{} after {:.1f} s", connected, seconds(Clock::now() - start)));
@@ -209,9 +210,15 @@ store::FrameStatus CameraCapture::check(const SourceFrame& frame) {
   return status;
 }
 
-/// Adds an event for the first step of the device's clock and the first jump of its counter. A
+/// Adds an event for the first step of each clock and the first jump of the device's counter. A
 /// faulty device may have one with every frame.
 void CameraCapture::report_steps(const FrameTimestamper::Stamp& stamp) {
+  const Nanoseconds ignored = pipeline_.host_clock.ignored_steps();
+  if (ignored != 0 && !std::exchange(host_step_reported_, true)) {
+    pipeline_.counters.add_event(fmt::format(
+        "this computer's clock was set {:.1f} s {}: times go on as if it had not been",
+        std::abs(static_cast<double>(ignored)) / kNsPerS, ignored > 0 ? "ahead" : "back"));
+  }
   if (stamp.clock_stepped && !std::exchange(clock_step_reported_, true)) {
     pipeline_.counters.add_event(
         "the device's clock stepped by more than a minute: it is aligned to the host's clock again "
@@ -219,8 +226,8 @@ void CameraCapture::report_steps(const FrameTimestamper::Stamp& stamp) {
   }
   if (stamp.counter_jumped && !std::exchange(counter_jump_reported_, true)) {
     pipeline_.counters.add_event(
-        fmt::format("the device's frame counter jumped to {}: no frames count as dropped for that, "
-                    "nor for further jumps",
+        fmt::format("the device's frame counter jumped to {}, by more than it can have dropped: no "
+                    "frames count as dropped for that, nor for further such jumps",
                     stamp.sequence));
   }
 }
@@ -252,10 +259,11 @@ MemoryBudget::Reservation CameraCapture::wait_for_memory(std::size_t bytes) {
 }
 
 void CameraCapture::take(SourceFrame frame) {
-  if (frame.arrival_utc < options_.start_utc) return;
+  const Nanoseconds arrival_utc = pipeline_.host_clock.utc_at(frame.arrival_steady);
+  if (arrival_utc < options_.start_utc) return;
   ++pipeline_.counters.arrived;
   const Nanoseconds before = clock_.last_time();
-  const FrameTimestamper::Stamp stamp = clock_.stamp(frame);
+  const FrameTimestamper::Stamp stamp = clock_.stamp(frame, arrival_utc);
   if (stamp.corrected) ++pipeline_.counters.corrected_timestamps;
   report_steps(stamp);
   for (std::uint64_t i = 0; i < stamp.skipped; ++i) {

@@ -18,6 +18,7 @@
 #include "ingest/record/encoder_pool.h"
 #include "ingest/record/frame_queue.h"
 #include "ingest/record/frame_timestamper.h"
+#include "ingest/record/host_clock.h"
 #include "ingest/record/memory_budget.h"
 #include "ingest/record/reconnect_backoff.h"
 #include "ingest/sources/frame_source.h"
@@ -81,6 +82,7 @@ class CameraCapture {
     MemoryBudget& records;  ///< of records of missing frames
     EncoderPool& encoders;
     CameraCounters& counters;
+    HostClock& host_clock;
     std::function<void()> stop_recording;  ///< for LostSourcePolicy::kStop
     /// Called if the memory is full; returns whether it freed some. Null: nothing can be done.
     std::function<bool()> free_memory = {};
@@ -124,7 +126,7 @@ class CameraCapture {
   std::stop_token stop_;                     // of run()
   bool memory_was_freed_ = true;             // false: the last wait for memory timed out
   bool size_warning_given_ = false;
-  bool clock_step_reported_ = false, counter_jump_reported_ = false;
+  bool host_step_reported_ = false, clock_step_reported_ = false, counter_jump_reported_ = false;
 };
 
 }  // namespace raystage::ingest

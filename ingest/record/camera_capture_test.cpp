@@ -7,13 +7,16 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <chrono>
+#include <functional>
 #include <limits>
+#include <memory>
 #include <thread>
 
 #include "ingest/record/clock_sync.h"
 #include "ingest/record/encoder_pool.h"
 #include "ingest/record/frame_queue.h"
-#include "ingest/record/frame_timestamper.h"
+#include "ingest/record/host_clock.h"
 #include "ingest/record/jpeg_frame_check.h"
 #include "ingest/record/memory_budget.h"
 #include "store/jpeg/encode.h"
@@ -93,154 +96,52 @@ TEST(CheckJpeg, KnowsWholeTornAndForeign) {
   EXPECT_EQ(check_jpeg_frame(text, 64, 48), store::FrameStatus::kTorn);
 }
 
-SourceFrame arrival(Nanoseconds utc, std::optional<Nanoseconds> device = {},
-                    std::optional<std::uint64_t> sequence = {}) {
-  SourceFrame frame;
-  frame.arrival_utc = utc;
-  frame.device_time = device;
-  frame.sequence = sequence;
-  return frame;
-}
+/// What captures of a camera with 64x48 pixels work with.
+struct SmallPipeline {
+  MemoryBudget memory, records;
+  FrameQueue queue;
+  EncoderPool encoders{{}, 1};
+  CameraCounters counters;
+  HostClock host_clock;
 
-TEST(FrameTimestamper, TakesTheDevicesClockWithItsFirstOffset) {
-  FrameTimestamper clock(1000);
-  EXPECT_EQ(clock.stamp(arrival(1500, 77)).time_ns, 500);
-  const auto second = clock.stamp(arrival(1720, 277));  // arrived 20 late
-  EXPECT_EQ(second.time_ns, 700);
-  EXPECT_EQ(second.arrival_ns, 720);
-  clock.reset_device(0);
-  EXPECT_EQ(clock.stamp(arrival(2000, 5)).time_ns, 1000);
-}
+  explicit SmallPipeline(std::size_t bytes,
+                         std::function<HostClock::Reading()> read_clock = HostClock::read_host)
+      : memory(bytes), records(bytes), host_clock(std::move(read_clock)) {}
 
-constexpr Nanoseconds kSecond = kNanosecondsPerSecond;
-
-TEST(FrameTimestamper, AlignsAClockThatStepsToTheHostsAgain) {
-  constexpr Nanoseconds kHugeStep = (Nanoseconds{1} << 31) * kSecond / 90000;  // RTP's half range
-  constexpr Nanoseconds kInterval = kSecond / 25;
-  FrameTimestamper clock(0);
-  for (Nanoseconds i = 0; i < 1000; ++i) {
-    const auto stamp = clock.stamp(arrival(i * kInterval, i * (kInterval + kHugeStep)));
-    ASSERT_EQ(stamp.time_ns, i * kInterval);
-    ASSERT_EQ(stamp.clock_stepped, i > 0);
-    ASSERT_EQ(stamp.corrected, i > 0);
+  static CameraCapture::Options options() {
+    CameraCapture::Options options;
+    options.width = 64;
+    options.height = 48;
+    return options;
   }
-  constexpr Nanoseconds kLeast = std::numeric_limits<Nanoseconds>::min();
-  Nanoseconds now = 1000 * kInterval;
-  for (const Nanoseconds device : {Nanoseconds{1}, Nanoseconds{1} << 62, kLeast, -(kLeast + 1)}) {
-    now += kInterval;
-    EXPECT_EQ(clock.stamp(arrival(now, device)).time_ns, now) << device;
+  CameraCapture::Pipeline parts() {
+    return {queue, memory, records, encoders, counters, host_clock, [] {}};
   }
-}
-
-TEST(FrameTimestamper, KeepsDriftAndSmallSteps) {
-  FrameTimestamper clock(0);
-  for (Nanoseconds i = 0; i < 10 * 3600; ++i) {
-    const auto stamp = clock.stamp(arrival(i * kSecond, i * kSecond * 101 / 100));
-    ASSERT_EQ(stamp.time_ns, i * kSecond * 101 / 100);
-    ASSERT_FALSE(stamp.corrected);
+  std::unique_ptr<CameraCapture> capture(std::chrono::milliseconds wait_for_memory) {
+    CameraCapture::Options with_wait = options();
+    with_wait.wait_for_memory = wait_for_memory;
+    return std::make_unique<CameraCapture>(with_wait, nullptr, nullptr, parts());
   }
-  clock.reset_device(0);
-  EXPECT_EQ(clock.stamp(arrival(40000 * kSecond, 0)).time_ns, 40000 * kSecond);
-  EXPECT_EQ(clock.stamp(arrival(40001 * kSecond, 51 * kSecond)).time_ns, 40051 * kSecond);
-  // The host's clock is set back by an hour.
-  const auto set_back = clock.stamp(arrival(36402 * kSecond, 52 * kSecond));
-  EXPECT_EQ(set_back.time_ns, 40051 * kSecond + 1);
-  EXPECT_TRUE(set_back.corrected);
-  EXPECT_EQ(clock.stamp(arrival(36403 * kSecond, 53 * kSecond)).time_ns, 40052 * kSecond + 1);
-}
-
-TEST(FrameTimestamper, ManySmallStepsKeepTimesNearTheHosts) {
-  FrameTimestamper clock(0);
-  FrameTimestamper::Stamp last;
-  for (Nanoseconds i = 0; i < 100'000; ++i) {  // ahead by 59 s, and back, with every other frame
-    last = clock.stamp(arrival(i * kSecond / 25, i % 2 * 59 * kSecond - i / 2 * 200 * kSecond));
-  }
-  EXPECT_LT(last.time_ns, last.arrival_ns + 25 * 3600 * kSecond);
-}
-
-TEST(FrameTimestamper, TimesAlwaysIncreaseAndGapsHaveRoom) {
-  EXPECT_TRUE(rc::check([] {
-    FrameTimestamper clock(0);
-    Nanoseconds last = -1;
-    const auto frames = *rc::gen::inRange(1, 50);
-    for (int i = 0; i < frames; ++i) {
-      const auto stamp = clock.stamp(arrival(*rc::gen::inRange<Nanoseconds>(-1000, 100000),
-                                             *rc::gen::inRange<Nanoseconds>(-1000, 100000),
-                                             static_cast<std::uint64_t>(*rc::gen::inRange(0, 30))));
-      RC_ASSERT(stamp.time_ns > last);
-      Nanoseconds before = last;
-      for (std::uint64_t k = 0; k < stamp.skipped; ++k) {
-        const Nanoseconds missing =
-            FrameTimestamper::interpolate_time(last, stamp.time_ns, k, stamp.skipped);
-        RC_ASSERT(missing > before);
-        RC_ASSERT(missing < stamp.time_ns);
-        before = missing;
-      }
-      last = stamp.time_ns;
-    }
-  }));
-}
-
-TEST(FrameTimestamper, CountsWhatTheSourceSkipped) {
-  FrameTimestamper clock(0);
-  EXPECT_EQ(clock.stamp(arrival(100, {}, 7)).skipped, 0U);  // the first value is arbitrary
-  EXPECT_EQ(clock.stamp(arrival(200, {}, 8)).skipped, 0U);
-  const auto gap = clock.stamp(arrival(300, {}, 12));
-  EXPECT_EQ(gap.skipped, 3U);
-  EXPECT_EQ(gap.sequence, 12U);
-  EXPECT_EQ(clock.stamp(arrival(400, {}, 3)).skipped, 0U);  // the counter was reset
-  EXPECT_EQ(clock.stamp(arrival(500, {}, std::uint64_t{1} << 60)).skipped, 0U);
-}
-
-TEST(FrameTimestamper, BelievesOfTheCounterWhatTheTimeAllows) {
-  FrameTimestamper clock(0);
-  clock.reset_device(50);
-  clock.stamp(arrival(0, {}, 1));
-  EXPECT_EQ(clock.stamp(arrival(3600 * kSecond, {}, 1 + 3600 * 50)).skipped, 3600 * 50 - 1U);
-  // The host stalled: the frames after it arrive together.
-  EXPECT_EQ(clock.stamp(arrival(3600 * kSecond + 1000, {}, 1 + 3601 * 50)).skipped, 49U);
-  std::uint64_t sequence = 200'000, skipped = 0;
-  constexpr Nanoseconds kFrames = 1000;
-  for (Nanoseconds i = 1; i <= kFrames; ++i) {
-    const auto stamp = clock.stamp(arrival(3601 * kSecond + i * kSecond / 50, {}, sequence));
-    EXPECT_TRUE(stamp.counter_jumped) << i;
-    skipped += stamp.skipped;
-    sequence += 999'999;
-  }
-  EXPECT_EQ(skipped, 0U);
-  // As many as can be without a jump: no more than twice the frames of this time.
-  for (Nanoseconds i = 1; i <= kFrames; ++i) {
-    const std::uint64_t next = sequence + 100;
-    const auto stamp = clock.stamp(arrival(3700 * kSecond + i * kSecond / 50, {}, next));
-    skipped += stamp.skipped;
-    sequence = next;
-  }
-  EXPECT_LT(skipped, 2 * kFrames + 300);
-}
+};
 
 TEST(CameraCapture, ACounterOrClockThatRunsWildCostsOneEventEach) {
-  MemoryBudget memory(100'000'000), records(1'000'000);
-  FrameQueue queue;
-  EncoderPool encoders({}, 1);
-  CameraCounters counters;
-  CameraCapture::Options options;
-  options.width = 64;
-  options.height = 48;
-  CameraCapture capture(options, nullptr, nullptr,
-                        {queue, memory, records, encoders, counters, [] {}});
+  SmallPipeline pipeline(100'000'000);
+  const auto capture = pipeline.capture(std::chrono::milliseconds(0));
   constexpr int kFrames = 20;
-  const Nanoseconds start = host_utc_now();
+  const Nanoseconds start = host_steady_now();
   for (int i = 0; i < kFrames; ++i) {
-    SourceFrame frame = arrival(start + i * kSecond / 50, i * 3600 * kSecond,
-                                static_cast<std::uint64_t>(i) * 999'999);
+    SourceFrame frame;
+    frame.arrival_steady = start + i * kNanosecondsPerSecond / 50;
+    frame.device_time = i * 3600 * kNanosecondsPerSecond;
+    frame.sequence = static_cast<std::uint64_t>(i) * 999'999;
     frame.jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, 64, 48), {});
-    capture.take(std::move(frame));
+    capture->take(std::move(frame));
   }
-  EXPECT_EQ(counters.skipped_by_source, 0U);
-  EXPECT_EQ(counters.dropped, 0U);
-  EXPECT_EQ(counters.corrected_timestamps, kFrames - 1U);
-  EXPECT_EQ(counters.events().size(), 2U);
-  EXPECT_EQ(queue.size(), static_cast<std::size_t>(kFrames));
+  EXPECT_EQ(pipeline.counters.skipped_by_source, 0U);
+  EXPECT_EQ(pipeline.counters.dropped, 0U);
+  EXPECT_EQ(pipeline.counters.corrected_timestamps, kFrames - 1U);
+  EXPECT_EQ(pipeline.counters.events().size(), 2U);
+  EXPECT_EQ(pipeline.queue.size(), static_cast<std::size_t>(kFrames));
 }
 
 FrameQueue::Frame queued(Nanoseconds time, QueuedFrame::Stage stage) {
@@ -333,46 +234,62 @@ TEST(FrameQueue, CallsNoEncoderForWhatWasGivenUp) {
   EXPECT_EQ(queue.start_encoding(), nullptr);
 }
 
+TEST(CameraCapture, ThisComputersClockMayBeSet) {
+  constexpr Nanoseconds kDay = 24 * 3600 * kNanosecondsPerSecond, kStart = 20'000 * kDay;
+  for (const bool has_device_clock : {false, true}) {
+    for (const Nanoseconds step : {-40 * kDay, 10'000 * kDay}) {  // found without a battery
+      HostClock::Reading now{kStart, kDay};
+      SmallPipeline pipeline(100'000'000, [&] { return now; });
+      CameraCapture::Options options = SmallPipeline::options();
+      options.epoch_utc = options.start_utc = kStart;
+      CameraCapture capture(options, nullptr, nullptr, pipeline.parts());
+      for (int i = 0; i < 20; ++i) {
+        now.utc += kNanosecondsPerSecond + (i == 10 ? step : 0);
+        now.steady += kNanosecondsPerSecond;
+        SourceFrame frame;
+        frame.jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, 64, 48), {});
+        frame.arrival_steady = now.steady;
+        if (has_device_clock) frame.device_time = 5 * kDay + i * kNanosecondsPerSecond;
+        capture.take(std::move(frame));
+      }
+      EXPECT_EQ(pipeline.counters.corrected_timestamps, 0U);
+      ASSERT_EQ(pipeline.counters.events().size(), 1U);
+      EXPECT_NE(pipeline.counters.events()[0].what.find("clock was set"), std::string::npos);
+      for (Nanoseconds i = 1; i <= 20; ++i) {
+        EXPECT_EQ(written(pipeline.queue)->time_ns, i * kNanosecondsPerSecond);
+      }
+    }
+  }
+}
+
 TEST(CameraCapture, WaitsForRoomWhereTheSourceWaitsToo) {
   using namespace std::chrono_literals;
-  MemoryBudget memory(100000), records(100000);
-  FrameQueue queue;
-  EncoderPool encoders({}, 1);
-  CameraCounters counters;
-  CameraCapture::Options options;
-  options.width = 64;
-  options.height = 48;
-  const auto intake = [&](std::chrono::milliseconds wait) {
-    options.wait_for_memory = wait;
-    return std::make_unique<CameraCapture>(
-        options, nullptr, nullptr,
-        CameraCapture::Pipeline{queue, memory, records, encoders, counters, [] {}});
-  };
+  SmallPipeline pipeline(100000);
   const auto picture = [] {
     SourceFrame frame;
     frame.jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, 64, 48), {});
-    frame.arrival_utc = host_utc_now();
+    frame.arrival_steady = host_steady_now();
     return frame;
   };
-  MemoryBudget::Reservation others = memory.try_reserve(99900);
+  MemoryBudget::Reservation others = pipeline.memory.try_reserve(99900);
   {
     const std::jthread writer([&] {
       std::this_thread::sleep_for(20ms);
       others.shrink_to(0);
     });
-    intake(60s)->take(picture());
+    pipeline.capture(60s)->take(picture());
   }
-  EXPECT_EQ(counters.dropped, 0U);
+  EXPECT_EQ(pipeline.counters.dropped, 0U);
 
-  others = memory.try_reserve(100000 - memory.used());
-  const auto patient = intake(50ms);
+  others = pipeline.memory.try_reserve(100000 - pipeline.memory.used());
+  const auto patient = pipeline.capture(50ms);
   const auto start = std::chrono::steady_clock::now();
   patient->take(picture());
-  EXPECT_EQ(counters.dropped, 1U);
+  EXPECT_EQ(pipeline.counters.dropped, 1U);
   EXPECT_GE(std::chrono::steady_clock::now() - start, 50ms);
   const auto again = std::chrono::steady_clock::now();
   for (int i = 0; i < 100; ++i) patient->take(picture());  // only the first one waits
-  EXPECT_EQ(counters.dropped, 101U);
+  EXPECT_EQ(pipeline.counters.dropped, 101U);
   EXPECT_LT(std::chrono::steady_clock::now() - again, 4s);
 }
 

@@ -31,6 +31,8 @@ struct QueuedFrame {
   store::RawImage raw;
   std::vector<std::byte> jpeg;
   MemoryBudget::Reservation memory;
+  /// Set by the first writer that drops the frame: the copies of a take count it once.
+  std::atomic<bool> is_counted_as_dropped = false;
 
   bool has_image() const { return status == store::FrameStatus::kStored; }
   /// Frees the image and keeps a record of a missing frame. No writer may be using it.

@@ -27,9 +27,9 @@ constexpr double kMostFps = 5000, kRateMargin = 2, kLongestStallS = 2, kSpareFra
 
 }  // namespace
 
-FrameTimestamper::Stamp FrameTimestamper::stamp(const SourceFrame& frame) {
+FrameTimestamper::Stamp FrameTimestamper::stamp(const SourceFrame& frame, Nanoseconds arrival_utc) {
   Stamp stamp;
-  stamp.arrival_ns = frame.arrival_utc - epoch_utc_;
+  stamp.arrival_ns = arrival_utc - epoch_utc_;
   std::optional<Nanoseconds> by_device;
   if (frame.device_time) by_device = time_by_device(*frame.device_time, stamp.arrival_ns);
   stamp.time_ns = by_device.value_or(stamp.arrival_ns);
@@ -41,6 +41,7 @@ FrameTimestamper::Stamp FrameTimestamper::stamp(const SourceFrame& frame) {
   }
   stamp.sequence = frame.sequence.value_or(arrivals_);
   ++arrivals_;
+  measure_rate(stamp.arrival_ns);
   if (frame.sequence) count_skipped(*frame.sequence, stamp);
   // Each missing frame in between needs its own nanosecond.
   const auto room = static_cast<std::uint64_t>(stamp.time_ns - last_time_ - 1);
@@ -59,6 +60,7 @@ std::optional<Nanoseconds> FrameTimestamper::time_by_device(Nanoseconds device_t
       __builtin_add_overflow(clock_reference_->time_ns, elapsed, &time)) {
     return std::nullopt;
   }
+  if (!is_live_) return time <= kMaxArchiveTime ? std::optional(time) : std::nullopt;
   const Nanoseconds elapsed_here = arrival_ns - clock_reference_->arrival_ns;
   const Nanoseconds tolerance = kMaxDeviation + std::abs(elapsed_here) / kRateTolerance;
   const bool is_plausible = elapsed >= elapsed_here - tolerance &&
@@ -66,8 +68,24 @@ std::optional<Nanoseconds> FrameTimestamper::time_by_device(Nanoseconds device_t
   return is_plausible ? std::optional(time) : std::nullopt;
 }
 
+/// Keeps the highest rate of arrivals over a second: cameras that are triggered may state another
+/// one than that of their trigger.
+void FrameTimestamper::measure_rate(Nanoseconds arrival_ns) {
+  const Nanoseconds elapsed = arrival_ns - rate_interval_.begin_ns;
+  if (rate_interval_.frames > 0 && elapsed >= kNanosecondsPerSecond) {
+    const double rate =
+        static_cast<double>(rate_interval_.frames) * kNsPerS / static_cast<double>(elapsed);
+    fps_ = std::max(fps_, std::min(rate, kMostFps));
+  }
+  if (rate_interval_.frames == 0 || elapsed < 0 || elapsed >= kNanosecondsPerSecond) {
+    rate_interval_ = {arrival_ns, 0};
+  }
+  ++rate_interval_.frames;
+}
+
 void FrameTimestamper::count_skipped(std::uint64_t sequence, Stamp& stamp) {
-  const double most_credit = most_skipped_per_s_ * kLongestStallS + kSpareFrames;
+  const double most_skipped_per_s = kRateMargin * fps_;
+  const double most_credit = most_skipped_per_s * kLongestStallS + kSpareFrames;
   if (!counter_) {
     counter_ = {sequence, stamp.arrival_ns, most_credit};
     return;
@@ -75,7 +93,7 @@ void FrameTimestamper::count_skipped(std::uint64_t sequence, Stamp& stamp) {
   const double waited_s =
       static_cast<double>(std::max<Nanoseconds>(0, stamp.arrival_ns - counter_->arrival_ns)) /
       kNsPerS;
-  const double credit = counter_->credit + most_skipped_per_s_ * waited_s;
+  const double credit = counter_->credit + most_skipped_per_s * waited_s;
   const std::uint64_t gap = sequence - counter_->sequence - 1;  // large if the counter went back
   if (gap <= kLargestGap && static_cast<double>(gap) <= credit) {
     stamp.skipped = gap;
@@ -95,12 +113,14 @@ Nanoseconds FrameTimestamper::interpolate_time(Nanoseconds last, Nanoseconds nex
   return last + span / parts * part + span % parts * part / parts;
 }
 
-void FrameTimestamper::reset_device(double nominal_fps) {
+void FrameTimestamper::reset_device(const SourceDescription& source) {
   clock_reference_.reset();
   counter_.reset();
+  is_live_ = source.live;
   // What a device states is not trusted either.
-  const bool is_plausible = nominal_fps > 0 && nominal_fps < kMostFps;
-  most_skipped_per_s_ = kRateMargin * (is_plausible ? nominal_fps : kMostFps);
+  const bool is_plausible = source.fps > 0 && source.fps < kMostFps;
+  fps_ = is_plausible ? source.fps : kMostFps;
+  rate_interval_ = {};
 }
 
 }  // namespace raystage::ingest

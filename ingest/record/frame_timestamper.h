@@ -15,7 +15,7 @@ class FrameTimestamper {
  public:
   explicit FrameTimestamper(Nanoseconds epoch_utc, Nanoseconds last_time = -1)
       : epoch_utc_(epoch_utc), last_time_(last_time) {
-    reset_device(0);
+    reset_device({});
   }
 
   struct Stamp {
@@ -31,15 +31,17 @@ class FrameTimestamper {
   /// Returns the times and counters of the next frame. The first frame determines the offset of the
   /// device's clock. Its drift and smaller steps are not corrected, so that resynchronisation can
   /// measure them.
-  Stamp stamp(const SourceFrame& frame);
+  /// `arrival_utc`: that of the frame by HostClock, in ns since 1970.
+  Stamp stamp(const SourceFrame& frame, Nanoseconds arrival_utc);
 
   /// Returns the time of missing frame `index` of `count`, evenly spaced between `last` and `next`.
   static Nanoseconds interpolate_time(Nanoseconds last, Nanoseconds next, std::uint64_t index,
                                       std::uint64_t count);
   Nanoseconds last_time() const { return last_time_; }
   /// Forgets the device's clock and counter, which start anew. Must be called after a reconnection.
-  /// `nominal_fps`: of the device, which limits the frames that it can have dropped; 0: unknown.
-  void reset_device(double nominal_fps);
+  /// `source`: its rate, or that at which its frames arrive if that is higher, limits the frames
+  /// that it can have dropped. If it is not live, its times pass as fast as it is read.
+  void reset_device(const SourceDescription& source);
 
  private:
   /// A frame from which the device's clock is counted.
@@ -52,11 +54,17 @@ class FrameTimestamper {
     double credit = 0;           ///< frames that may have been dropped without a pause
   };
   std::optional<Nanoseconds> time_by_device(Nanoseconds device_time, Nanoseconds arrival_ns) const;
+  void measure_rate(Nanoseconds arrival_ns);
   void count_skipped(std::uint64_t sequence, Stamp& stamp);
 
   Nanoseconds epoch_utc_, last_time_;
   std::optional<ClockReference> clock_reference_;
-  double most_skipped_per_s_ = 0;
+  bool is_live_ = true;
+  double fps_ = 0;  ///< nominal, or the highest at which frames arrived
+  struct {
+    Nanoseconds begin_ns = 0;
+    std::uint64_t frames = 0;
+  } rate_interval_;
   std::optional<Counter> counter_;
   std::uint64_t arrivals_ = 0;
 };

@@ -54,13 +54,14 @@ class Reconnect : public ::testing::Test {
     MemoryBudget memory(1000), records(1000);
     EncoderPool encoders({}, 1);
     CameraCapture intake(options, std::make_unique<DeviceSource>(device), reopen,
-                         {queue, memory, records, encoders, counters, [] {}});
+                         {queue, memory, records, encoders, counters, host_clock, [] {}});
     intake.run(device.stop.get_token());
   }
 
   Device device;
   ReconnectBackoff::Limits pauses;
   CameraCounters counters;
+  HostClock host_clock;
   CameraCapture::Open reopen = [this, tries = 0]() mutable {
     if (++tries > 5) device.stop.request_stop();
     return std::make_unique<DeviceSource>(device);

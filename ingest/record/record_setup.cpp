@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "base/frame_rate.h"
 #include "store/matroska.h"
 
 namespace raystage::ingest {
@@ -161,7 +162,9 @@ schemas::TakeDocument make_take_document(const schemas::RecordConfig& config,
   take.nominal_fps = config.nominal_fps;
   std::vector<double> rates;
   for (const RecorderCamera& camera : cameras) {
-    rates.push_back(camera.source->description().fps);
+    const double rate = camera.source->description().fps;
+    // What a device states is not trusted. 0: unknown.
+    rates.push_back(rate >= kMinRateInFiles && rate <= kMaxRateInFiles ? rate : 0);
     take.cameras.push_back({.id = camera.id, .archive = {}, .journal = {}, .node = node});
   }
   if (take.nominal_fps == 0) {

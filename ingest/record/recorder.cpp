@@ -18,6 +18,7 @@
 #include "base/options.h"
 #include "base/resources.h"
 #include "ingest/record/clock_sync.h"
+#include "ingest/record/host_clock.h"
 #include "ingest/record/memory_ceiling.h"
 
 namespace raystage::ingest {
@@ -99,6 +100,7 @@ struct Recorder::State {
   const std::vector<RecordingTake*> takes;
   const RecordingTake& take = *takes.front();
   const std::string program;
+  HostClock host_clock;
   MemoryBudget memory, records;
   std::vector<FrameQueue> queues = std::vector<FrameQueue>(cameras.size());
   std::vector<CameraCounters> counters = std::vector<CameraCounters>(cameras.size());
@@ -262,7 +264,7 @@ schemas::RecordingDocument::Session Recorder::run(
   // Frames that waited in a source since it was opened are too old. The epoch is in the future if a
   // take is resumed that was stopped before its start time.
   const Nanoseconds start_utc =
-      std::max(s.settings.start_utc.value_or(host_utc_now()), s.take.document().epoch_utc);
+      std::max(s.settings.start_utc.value_or(s.host_clock.utc_now()), s.take.document().epoch_utc);
   std::atomic<bool> a_camera_asks = false;
   std::vector<std::atomic<bool>> is_finished(s.cameras.size());
   s.start = s.last_status = Clock::now();
@@ -272,7 +274,7 @@ schemas::RecordingDocument::Session Recorder::run(
       auto capture = std::make_unique<CameraCapture>(
           s.capture_options(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
           CameraCapture::Pipeline{s.queues[i], s.memory, s.records, encoders, s.counters[i],
-                                  [&a_camera_asks] { a_camera_asks = true; },
+                                  s.host_clock, [&a_camera_asks] { a_camera_asks = true; },
                                   [&copies] { return copies.free_memory(); }});
       threads.add([&finished = is_finished[i], &counters = s.counters[i],
                    capture = std::move(capture)](const std::stop_token& stop_camera) {
@@ -302,7 +304,7 @@ schemas::RecordingDocument::Session Recorder::run(
       if (all_are_over()) return "every source has ended";
       if (!s.settings.duration_s) return {};
       const double done = s.settings.start_utc || start_utc > session.started_utc
-                              ? static_cast<double>(host_utc_now() - start_utc) * 1e-9
+                              ? static_cast<double>(s.host_clock.utc_now() - start_utc) * 1e-9
                               : seconds_since(s.start);
       return done >= *s.settings.duration_s ? "the duration is over" : "";
     };

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cstring>
 #include <memory>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -31,7 +32,7 @@ Arrival& arrival_of(ArvBuffer* buffer) {
 }
 
 void note_arrival(void* /*unused*/, ArvStreamCallbackType type, ArvBuffer* buffer) {
-  if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) arrival_of(buffer) = host_utc_now();
+  if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) arrival_of(buffer) = host_steady_now();
 }
 
 /// Returns the arrival time of a buffer. Aravis delivers a buffer before it calls note_arrival().
@@ -41,7 +42,7 @@ Nanoseconds noted_arrival(ArvBuffer* buffer) {
   const auto deadline = Clock::now() + 20ms;
   for (;;) {
     if (const Nanoseconds noted = arrival_of(buffer); noted != 0) return noted;
-    if (Clock::now() > deadline) return host_utc_now();
+    if (Clock::now() > deadline) return host_steady_now();
     std::this_thread::sleep_for(50us);
   }
 }
@@ -94,7 +95,7 @@ class AravisSource final : public FrameSource {
   explicit AravisSource(const schemas::RecordConfig::AravisSource& source)
       : buffers_(source.buffers), camera_(open_aravis_camera(source.device)) {
     configure_aravis_camera(camera_.get(), source);
-    describe();
+    describe(source);
     open_stream(source);
     // The signal reports the loss of the camera from any thread.
     g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
@@ -152,7 +153,7 @@ class AravisSource final : public FrameSource {
                          "Check the connection, and close other programs that control the camera");
   }
 
-  void describe() {
+  void describe(const schemas::RecordConfig::AravisSource& source) {
     GErrorHolder error;
     gint x = 0, y = 0;
     format_ = arv_camera_get_pixel_format(camera_.get(), error.clear_and_get());
@@ -167,10 +168,17 @@ class AravisSource final : public FrameSource {
                           error.clear_and_get());
     if (error) throw fail("the camera does not report the size of its pictures: " + error.text());
     description_.fps = arv_camera_get_frame_rate(camera_.get(), error.clear_and_get());
-    if (error) description_.fps = 0;  // triggered cameras have no frame rate
+    // The rate that a triggered camera states is not that of its trigger.
+    if (error || is_triggered()) description_.fps = source.fps.value_or(0);
     description_.clock = "device";
     // The time stamps mark the start of the exposure or of the readout, depending on the maker.
     description_.timestamp_event = "unknown";
+  }
+
+  bool is_triggered() {
+    GErrorHolder error;
+    const char* mode = arv_camera_get_string(camera_.get(), "TriggerMode", error.clear_and_get());
+    return !error && mode != nullptr && std::string_view(mode) == "On";
   }
 
   void open_stream(const schemas::RecordConfig::AravisSource& source) {
@@ -199,7 +207,7 @@ class AravisSource final : public FrameSource {
         status == ARV_BUFFER_STATUS_SUCCESS || status == ARV_BUFFER_STATUS_TIMEOUT ||
         status == ARV_BUFFER_STATUS_MISSING_PACKETS ||
         status == ARV_BUFFER_STATUS_WRONG_PACKET_ID || status == ARV_BUFFER_STATUS_SIZE_MISMATCH;
-    frame.arrival_utc = noted_arrival(buffer);
+    frame.arrival_steady = noted_arrival(buffer);
     const std::uint64_t sequence = unwrap_frame_id(arv_buffer_get_frame_id(buffer));
     // Aravis may deliver an incomplete frame after later ones; the gap in `sequence` already shows
     // it. A counter that falls far back was reset.

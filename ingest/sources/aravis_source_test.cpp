@@ -121,7 +121,8 @@ TEST_F(AravisSourceTest, FramesComeWholeWithCounterAndDeviceTime) {
       EXPECT_EQ(*frame.sequence, number + 1);
       EXPECT_GT(*frame.device_time, stamp);
     }
-    EXPECT_NEAR(static_cast<double>(frame.arrival_utc), static_cast<double>(host_utc_now()), 1e9);
+    EXPECT_NEAR(static_cast<double>(frame.arrival_steady), static_cast<double>(host_steady_now()),
+                1e9);
     number = *frame.sequence;
     stamp = *frame.device_time;
   }
@@ -130,6 +131,15 @@ TEST_F(AravisSourceTest, FramesComeWholeWithCounterAndDeviceTime) {
       static_cast<double>(stamp - first_stamp) / static_cast<double>(number - first_number);
   EXPECT_GT(period, 18e6);
   EXPECT_LT(period, 60e6);
+}
+
+TEST_F(AravisSourceTest, TheRateOfATriggeredCameraIsThatOfItsTrigger) {
+  start(0);
+  auto config = settings(0);
+  config.trigger = "Line0";
+  EXPECT_EQ(open_aravis_source(config)->description().fps, 50) << "as configured";
+  config.fps.reset();
+  EXPECT_EQ(open_aravis_source(config)->description().fps, 0) << "unknown";
 }
 
 TEST_F(AravisSourceTest, MemoryBesideIsThatOfItsBuffers) {

@@ -282,7 +282,7 @@ void FfmpegInput::read_packets() {
   while (!stop_) {
     Packet next{AvPtr<AVPacket>(av_packet_alloc()), 0, false};
     const int code = next.packet ? read_packet(*next.packet) : AVERROR(ENOMEM);
-    next.arrival_utc = host_utc_now();
+    next.arrival_steady = host_steady_now();
     if (code == kFrameTooLarge) {
       next.packet.reset();
     } else if (code == AVERROR(ENOMEM) && outlives_lack_of_memory(lacks)) {

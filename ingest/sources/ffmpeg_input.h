@@ -29,7 +29,7 @@ class FfmpegInput {
 
   struct Packet {
     AvPtr<AVPacket> packet;  ///< null: a frame was larger than allowed, and its bytes are gone
-    Nanoseconds arrival_utc = 0;
+    Nanoseconds arrival_steady = 0;
     bool no_memory = false;  ///< null, because memory for it could not be allocated
   };
   enum class Outcome { kPacket, kNoData, kEnded, kLost };

@@ -70,7 +70,7 @@ class FfmpegSource final : public FrameSource {
                            input_.address().display_url,
                            "Remove or correct them; `ffmpeg -h demuxer=NAME` lists the options"));
     }
-    // A wall clock that FFmpeg reads at arrival adds nothing to arrival_utc.
+    // A wall clock that FFmpeg reads at arrival adds nothing to arrival_steady.
     if (source.options.contains("use_wallclock_as_timestamps")) clock_ = CaptureClock::kNone;
     describe(parameters);
     if (input_.address().kind != FfmpegAddress::Kind::kFilterGraph) input_.start();
@@ -81,7 +81,7 @@ class FfmpegSource final : public FrameSource {
 
   Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) override {
     const Clock::time_point deadline = Clock::now() + patience;
-    if (since_utc_ == 0) since_utc_ = host_utc_now();
+    if (since_ == 0) since_ = host_steady_now();
     if (!has_held_) {
       if (const Outcome outcome = try_produce(deadline); outcome != Outcome::kFrame) {
         return outcome;
@@ -93,11 +93,12 @@ class FfmpegSource final : public FrameSource {
       if (due > Clock::now() && (!pace_.until(std::min(due, deadline)) || due > deadline)) {
         return Outcome::kNoData;
       }
-      held_.arrival_utc = host_utc_now();
+      held_.arrival_steady = host_steady_now();
     }
     // A frame read ahead of a request must not count as a frame of the past.
-    if (!description_.live && held_.arrival_utc <= since_utc_) held_.arrival_utc = host_utc_now();
-    since_utc_ = 0;
+    if (!description_.live && held_.arrival_steady <= since_)
+      held_.arrival_steady = host_steady_now();
+    since_ = 0;
     frame = std::move(held_);
     held_ = {};
     has_held_ = false;
@@ -227,7 +228,7 @@ class FfmpegSource final : public FrameSource {
           break;
         case FfmpegInput::Outcome::kPacket:
           if (!next.packet) {  // larger than allowed, or there is no memory for it
-            packet_arrival_ = next.arrival_utc;
+            packet_arrival_ = next.arrival_steady;
             hold_torn_frame();
             held_.no_memory = next.no_memory;
             return Outcome::kFrame;
@@ -244,9 +245,9 @@ class FfmpegSource final : public FrameSource {
 
   /// Decodes a packet. If it is not a picture, returns false with a torn frame in held_.
   bool send(const FfmpegInput::Packet& next) {
-    packet_arrival_ = next.arrival_utc;
+    packet_arrival_ = next.arrival_steady;
     packet_torn_ = (next.packet->flags & AV_PKT_FLAG_CORRUPT) != 0;
-    codec_->reordered_opaque = next.arrival_utc;  // returned with the picture
+    codec_->reordered_opaque = next.arrival_steady;  // returned with the picture
     if (avcodec_send_packet(codec_.get(), next.packet.get()) >= 0) return true;
     hold_torn_frame();
     return false;
@@ -254,10 +255,10 @@ class FfmpegSource final : public FrameSource {
 
   void hold_jpeg(const FfmpegInput::Packet& next) {
     held_ = {};
-    packet_arrival_ = next.arrival_utc;
+    packet_arrival_ = next.arrival_steady;
     const auto* bytes = reinterpret_cast<const std::byte*>(next.packet->data);
     held_.jpeg.assign(bytes, bytes + next.packet->size);
-    held_.arrival_utc = next.arrival_utc;
+    held_.arrival_steady = next.arrival_steady;
     held_.torn =
         (next.packet->flags & AV_PKT_FLAG_CORRUPT) != 0 || !scan_jpeg_markers(held_.jpeg).whole;
     stamp(next.packet->pts);
@@ -275,7 +276,7 @@ class FfmpegSource final : public FrameSource {
     // written in them, each decoder could keep as much as the memory budget of all cameras.
     const bool borrowed = held_.raw.owner == owner && codec_->codec_id != AV_CODEC_ID_RAWVIDEO;
     if (borrowed && !converter_.convert_to(held_.raw.format, *owner, held_.raw)) held_.torn = true;
-    held_.arrival_utc = owner->reordered_opaque > 0 ? owner->reordered_opaque : packet_arrival_;
+    held_.arrival_steady = owner->reordered_opaque > 0 ? owner->reordered_opaque : packet_arrival_;
     stamp(owner->best_effort_timestamp);
   }
 
@@ -283,7 +284,7 @@ class FfmpegSource final : public FrameSource {
   void hold_torn_frame() {
     held_ = {};
     held_.torn = true;
-    held_.arrival_utc = packet_arrival_;
+    held_.arrival_steady = packet_arrival_;
     stamp(AV_NOPTS_VALUE);
   }
 
@@ -319,7 +320,7 @@ class FfmpegSource final : public FrameSource {
   SourceDescription description_;
   SourceFrame held_;
   bool has_held_ = false;
-  Nanoseconds since_utc_ = 0;  ///< start of the wait for the next frame; 0: not waiting
+  Nanoseconds since_ = 0;  ///< start of the wait for the next frame; 0: not waiting
   Nanoseconds packet_arrival_ = 0;
   bool packet_torn_ = false;
   Outcome ending_ = Outcome::kEnded;

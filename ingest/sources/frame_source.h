@@ -18,9 +18,9 @@ namespace raystage::ingest {
 struct SourceFrame {
   std::vector<std::byte> jpeg;  ///< empty if `raw` is the picture
   store::RawImage raw;
-  /// Host time at which the frame was complete, in ns since 1970. A frame that waited in a source
-  /// that is not live arrives when it is taken.
-  Nanoseconds arrival_utc = 0;
+  /// When the frame was complete, by host_steady_now(). A frame that waited in a source that is not
+  /// live arrives when it is taken.
+  Nanoseconds arrival_steady = 0;
   std::optional<Nanoseconds> device_time;  ///< in ns by the device's clock, from its zero
   std::optional<std::uint64_t> sequence;   ///< the device's frame counter: gaps are drops
   bool torn = false;                       ///< incomplete (lost packets, truncated JPEG)
@@ -36,7 +36,7 @@ struct SourceDescription {
   bool live = true;            ///< produces frames without a reader; a file or pipe waits and ends
   bool waits = false;          ///< waits without loss at its producer: a file, but not a pipe
   std::string clock = "host";  ///< as in take.json: "host", "device", "simulated"
-  std::string timestamp_event = "arrival";  ///< event of device_time, or else of arrival_utc
+  std::string timestamp_event = "arrival";  ///< event of device_time, or else of arrival
 };
 
 /// Delivers the frames of one camera to one thread. Only interrupt() is thread-safe.
@@ -71,5 +71,8 @@ class FrameSource {
 
 /// Returns the host time in ns since 1970.
 Nanoseconds host_utc_now();
+
+/// Returns the time since this computer was started, also while it slept, in ns. Nobody sets it.
+Nanoseconds host_steady_now();
 
 }  // namespace raystage::ingest

@@ -45,7 +45,7 @@ class SimulatedSource final : public FrameSource {
     frame.jpeg = shown.jpeg;
     frame.raw = shown.raw;
     // Frames that waited, for example while other cameras were opened, arrived in the past.
-    frame.arrival_utc = host_utc_now() - std::chrono::nanoseconds(Clock::now() - due).count();
+    frame.arrival_steady = host_steady_now() - std::chrono::nanoseconds(Clock::now() - due).count();
     frame.device_time = loops_before(next_) + shown.stamped_time;
     frame.sequence = next_;
     frame.torn = false;

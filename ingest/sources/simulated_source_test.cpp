@@ -64,10 +64,10 @@ TEST(SimulatedSource, WhatWaitedArrivedWhenItWasExposed) {
   for (int i = 0; i < 10; ++i) {
     ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
     if (i == 0) {
-      EXPECT_LT(frame.arrival_utc, host_utc_now() - 40'000'000);
-      offset = frame.arrival_utc - *frame.device_time;
+      EXPECT_LT(frame.arrival_steady, host_steady_now() - 40'000'000);
+      offset = frame.arrival_steady - *frame.device_time;
     }
-    EXPECT_NEAR(static_cast<double>(frame.arrival_utc - *frame.device_time - *offset), 0, 5e6);
+    EXPECT_NEAR(static_cast<double>(frame.arrival_steady - *frame.device_time - *offset), 0, 5e6);
   }
 }
 

@@ -128,7 +128,7 @@ class MemorySource final : public ingest::FrameSource {
     frame.raw = held.shown->raw;
     frame.torn = held.torn;
     if (held.torn) frame.jpeg.resize(frame.jpeg.size() / 2);
-    frame.arrival_utc = ingest::host_utc_now();
+    frame.arrival_steady = ingest::host_steady_now();
     frame.device_time.reset();
     frame.sequence.reset();
     if (!script_.stamps) return;

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Groups camera centres into stations by single-linkage clustering at a distance that depends on
-// the spacing of the stations themselves: the two are found in turns, until the stations stay. The
-// first distance is that to the second nearest neighbour, because the nearest one of most centres
-// may be in the same station. Input: n centres (world, metres), output: n indices. Cost: centres
-// are sorted along one axis and neighbours searched outwards from each: O(n^1.5) if they are
-// spread over a surface, O(n^2) at most.
+// Groups camera centres into stations: merges along the minimum spanning tree of the centres, from
+// the shortest edge on (single linkage). A group that is merged much later than its members were is
+// a station. Input: n centres (world, metres), output: n indices. Cost: O(n^2) time, O(n) memory.
 #include "rig/camera_stations.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <numeric>
@@ -19,88 +14,84 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kStationReach = 0.05;  // of the median distance of nearest stations
-constexpr double kPairReach = 0.03;     // of the median distance of second nearest centres
+/// The distances in a station are at most this share of that to the next centre outside.
+constexpr double kLargestGap = 1.0 / 50;
+/// Centres of a station that do not coincide: more are an array of their own.
+constexpr int kMostViewpoints = 3;
 
-/// Centres in the order of a coordinate: that of the longest side of their bounding box.
-class SortedCentres {
+struct TreeEdge {
+  double length;
+  int one, other;
+};
+
+/// Returns the minimum spanning tree of the centres, shortest edges first.
+std::vector<TreeEdge> spanning_tree(std::span<const Vector3d> centres) {
+  // Prim's algorithm: each centre outside of the tree knows the nearest one inside.
+  std::vector<TreeEdge> outside;
+  for (int i = 1; i < static_cast<int>(centres.size()); ++i) {
+    outside.push_back({(centres[i] - centres[0]).norm(), 0, i});
+  }
+  std::vector<TreeEdge> tree;
+  while (!outside.empty()) {
+    const auto nearest = std::ranges::min_element(outside, {}, &TreeEdge::length);
+    const TreeEdge edge = *nearest;
+    tree.push_back(edge);
+    *nearest = outside.back();
+    outside.pop_back();
+    for (TreeEdge& candidate : outside) {
+      const double length = (centres[candidate.other] - centres[edge.other]).norm();
+      if (length < candidate.length) candidate = {length, edge.other, candidate.other};
+    }
+  }
+  std::ranges::stable_sort(tree, {}, &TreeEdge::length);
+  return tree;
+}
+
+/// Groups of indices, each known by its lowest one.
+class Groups {
  public:
-  explicit SortedCentres(std::span<const Vector3d> centres) : centres_(centres) {
-    Vector3d least = Vector3d::Zero(), most = Vector3d::Zero();
-    for (const Vector3d& centre : centres) {
-      least = least.cwiseMin(centre - centres[0]);
-      most = most.cwiseMax(centre - centres[0]);
-    }
-    (most - least).maxCoeff(&axis_);
-    order_.resize(centres.size());
-    std::iota(order_.begin(), order_.end(), 0);
-    std::ranges::sort(order_, {}, [&](int i) { return centres_[i](axis_); });
+  explicit Groups(std::size_t count) : first_(count) { std::iota(first_.begin(), first_.end(), 0); }
+  int first_of(int i) {
+    while (first_[i] != i) i = first_[i] = first_[first_[i]];
+    return i;
   }
-
-  /// Returns the median distance of a centre to its nearest (`rank` 0) or second nearest (1) other
-  /// one; 0 if there is none.
-  double median_distance(std::size_t rank) const {
-    if (centres_.size() < rank + 2) return 0;
-    std::vector<double> distances;
-    for (std::size_t at = 0; at < order_.size(); ++at) distances.push_back(nearest_two(at)[rank]);
-    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-    std::ranges::nth_element(distances, middle);
-    return *middle;
-  }
-
-  /// Returns by centre the first of those that are joined to it: at most `reach` apart, or by way
-  /// of others.
-  std::vector<int> joined(double reach) const {
-    std::vector<int> first(centres_.size());
-    std::iota(first.begin(), first.end(), 0);
-    const auto root = [&](int i) {
-      while (first[i] != i) i = first[i] = first[first[i]];
-      return i;
-    };
-    for (std::size_t at = 0; at < order_.size(); ++at) {
-      for (std::size_t other = at + 1; other < order_.size(); ++other) {
-        const Vector3d offset = centres_[order_[other]] - centres_[order_[at]];
-        if (offset(axis_) > reach) break;
-        if (offset.norm() > reach) continue;
-        const auto [lower, higher] = std::minmax({root(order_[at]), root(order_[other])});
-        first[higher] = lower;
-      }
-    }
-    for (std::size_t i = 0; i < first.size(); ++i) first[i] = root(static_cast<int>(i));
-    return first;
+  void join(int one, int other) {
+    const auto [lower, higher] = std::minmax({first_of(one), first_of(other)});
+    first_[higher] = lower;
   }
 
  private:
-  /// Returns the distances of the centre at a place in the order to the two nearest other ones.
-  std::array<double, 2> nearest_two(std::size_t at) const {
-    constexpr double kNone = std::numeric_limits<double>::infinity();
-    std::array<double, 2> nearest{kNone, kNone};
-    // Returns false if neither this one nor those behind it can be nearer.
-    const auto visit = [&](std::size_t other) {
-      const Vector3d offset = centres_[order_[other]] - centres_[order_[at]];
-      if (std::abs(offset(axis_)) >= nearest[1]) return false;
-      const double distance = offset.norm();
-      nearest[1] = std::min(nearest[1], std::max(nearest[0], distance));
-      nearest[0] = std::min(nearest[0], distance);
-      return true;
-    };
-    for (std::size_t other = at + 1; other < order_.size() && visit(other);) ++other;
-    for (std::size_t other = at; other > 0 && visit(other - 1);) --other;
-    return nearest;
-  }
-
-  std::span<const Vector3d> centres_;
-  Eigen::Index axis_ = 0;
-  std::vector<int> order_;
+  std::vector<int> first_;
 };
 
-std::vector<Vector3d> first_centres(std::span<const Vector3d> centres,
-                                    std::span<const int> stations) {
-  std::vector<Vector3d> firsts;
-  for (std::size_t i = 0; i < centres.size(); ++i) {
-    if (stations[i] == static_cast<int>(i)) firsts.push_back(centres[i]);
+/// Returns by edge of the tree whether it joins centres of one station.
+std::vector<char> edges_of_stations(std::span<const TreeEdge> tree, std::size_t count) {
+  struct Merge {
+    int viewpoints = 1;  ///< of the merged group
+    int next = -1;       ///< the merge that takes up the group
+  };
+  std::vector<Merge> merges(tree.size());
+  std::vector<int> last_merge(count, -1);  // by the first of a group
+  Groups groups(count);
+  for (int k = 0; k < static_cast<int>(tree.size()); ++k) {
+    int viewpoints = tree[k].length > 0 ? 0 : -1;
+    for (const int member : {tree[k].one, tree[k].other}) {
+      const int merge = last_merge[groups.first_of(member)];
+      viewpoints += merge < 0 ? 1 : merges[merge].viewpoints;
+      if (merge >= 0) merges[merge].next = k;
+    }
+    merges[k].viewpoints = viewpoints;
+    groups.join(tree[k].one, tree[k].other);
+    last_merge[groups.first_of(tree[k].one)] = k;
   }
-  return firsts;
+  std::vector<char> joins(tree.size(), 0);
+  for (std::size_t k = tree.size(); k-- > 0;) {
+    const int next = merges[k].next;
+    const bool is_station = next >= 0 && merges[k].viewpoints <= kMostViewpoints &&
+                            tree[k].length <= kLargestGap * tree[next].length;
+    joins[k] = tree[k].length == 0 || is_station || (next >= 0 && joins[next] != 0);
+  }
+  return joins;
 }
 
 std::vector<Vector3d> centres_of(const Rig& rig) {
@@ -112,20 +103,16 @@ std::vector<Vector3d> centres_of(const Rig& rig) {
 }  // namespace
 
 std::vector<int> camera_stations(std::span<const Vector3d> centres) {
-  const SortedCentres all(centres);
-  std::vector<int> stations = all.joined(0);
-  const std::vector<Vector3d> distinct = first_centres(centres, stations);
-  double reach = kPairReach * SortedCentres(distinct).median_distance(1);
-  // The reach grows, or shrinks, from round to round: few are needed.
-  constexpr int kMaxRounds = 16;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    std::vector<int> next = all.joined(reach);
-    if (round > 0 && next == stations) break;
-    stations = std::move(next);
-    const std::vector<Vector3d> firsts = first_centres(centres, stations);
-    reach = kStationReach * SortedCentres(firsts).median_distance(0);
+  const std::vector<TreeEdge> tree = spanning_tree(centres);
+  const std::vector<char> joins = edges_of_stations(tree, centres.size());
+  Groups stations(centres.size());
+  for (std::size_t k = 0; k < tree.size(); ++k) {
+    if (joins[k] != 0) stations.join(tree[k].one, tree[k].other);
   }
-  return stations;
+  std::vector<int> firsts(centres.size());
+  for (std::size_t i = 0; i < firsts.size(); ++i)
+    firsts[i] = stations.first_of(static_cast<int>(i));
+  return firsts;
 }
 
 std::vector<int> camera_stations(const Rig& rig) { return camera_stations(centres_of(rig)); }

@@ -11,10 +11,10 @@ namespace raystage::rig {
 
 /// Returns by centre (metres) the index of the first centre of its station. The centres of a
 /// station are so close together that they count as one viewpoint: a pair behind a beam splitter, a
-/// camera that was calibrated twice. Centres are joined, also by way of others, if their distance
-/// is at most 0.05 of the spacing of stations (the median distance to the nearest other one). If
-/// most stations have pairs, most of these must be within 0.03 of it to be known as such. Two
-/// cameras are one station only if they coincide.
+/// camera that was calibrated twice. Their distances, also by way of others, are at most 1/50 of
+/// that to the next centre outside, and at most three of them do not coincide. Stereo pairs and
+/// blocks of cameras far from others are thus no stations. Two cameras are one station only if they
+/// coincide.
 std::vector<int> camera_stations(std::span<const Eigen::Vector3d> centres);
 std::vector<int> camera_stations(const Rig& rig);
 

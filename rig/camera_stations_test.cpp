@@ -74,9 +74,19 @@ TEST(CameraStations, NaturalSpacingsAreKept) {
     if (i == 0) rigs.emplace_back();
     rigs.back().emplace_back(8 * std::sin(angle), 0.03 * ((i * 7) % 5), 8 * std::cos(angle));
   }
-  Centres columns;  // of pairs for stereo, 65 mm apart
-  for (int i = 0; i < 20; ++i) columns.emplace_back(i / 2, 0.065 * (i % 2), 0);
-  rigs.push_back(columns);
+  for (const double spacing : {1.0, 2.5}) {
+    Centres columns;  // of pairs for stereo, 65 mm apart
+    for (int i = 0; i < 20; ++i) columns.emplace_back(spacing * (i / 2), 0.065 * (i % 2), 0);
+    rigs.push_back(columns);
+  }
+  for (const double distance : {1.5, 100.0}) {
+    Centres block = mounted_grid(4, 4);  // with witness cameras around it
+    for (int i = 0; i < 20; ++i) {
+      const double angle = 0.3 * i;
+      block.emplace_back(distance * std::cos(angle), distance * std::sin(angle), 0.5);
+    }
+    rigs.push_back(block);
+  }
   for (const Centres& centres : rigs) {
     EXPECT_EQ(camera_stations(centres), numbered(centres.size())) << centres.size() << " cameras";
     EXPECT_EQ(first_of_stations(centres), numbered(centres.size()));
@@ -103,6 +113,28 @@ TEST(CameraStations, OfTwoOnlyThePairsAreKnown) {
   EXPECT_EQ(first_of_stations(centres), numbered(4));
 }
 
+TEST(CameraStations, ThreeInOnePlaceAreOne) {
+  const Centres grid = mounted_grid(3, 3);
+  Centres all = grid;
+  for (const double distance : {4e-4, -5e-4}) {
+    for (const Vector3d& centre : grid) all.emplace_back(centre + Vector3d(distance, 0, 0));
+  }
+  std::vector<int> expected;
+  for (int i = 0; i < 27; ++i) expected.push_back(i % 9);
+  EXPECT_EQ(camera_stations(all), expected);
+}
+
+TEST(CameraStations, ScaleAndPlaceDoNotMatter) {
+  const Centres some = with_pairs(mounted_grid(5, 5), 12, 5e-4);
+  const std::vector<int> expected = camera_stations(some);
+  EXPECT_NE(expected, numbered(some.size()));
+  for (const double scale : {1e-6, 1e6}) {
+    Centres moved;
+    for (const Vector3d& centre : some) moved.emplace_back(scale * (centre + Vector3d(7, -3, 50)));
+    EXPECT_EQ(camera_stations(moved), expected) << scale;
+  }
+}
+
 TEST(CameraStations, CoincidentFacetsDoNotHidePairs) {
   Centres centres;
   for (const Vector3d& centre : with_pairs(mounted_grid(3, 3), 9, 1e-3)) {
@@ -114,7 +146,8 @@ TEST(CameraStations, CoincidentFacetsDoNotHidePairs) {
   }
 }
 
-TEST(CameraStations, TenThousandCamerasTakeLittleTime) {
+TEST(CameraStations, TenThousandCameras) {
+  EXPECT_EQ(camera_stations(Centres(10'000, Vector3d(1, 2, 3))), std::vector<int>(10'000, 0));
   const Centres grid = mounted_grid(100, 100);
   EXPECT_EQ(camera_stations(grid), numbered(10'000));
   const Centres pairs = with_pairs(mounted_grid(50, 100), 5000, 1e-3);

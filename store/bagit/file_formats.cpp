@@ -56,7 +56,7 @@ constexpr FileFormat kAv1Format{"frames in archive/*.mkv, codec V_AV1",
 }  // namespace
 
 std::string csv_field(std::string_view text) {
-  if (text.find_first_of("\",") == std::string_view::npos) return std::string(text);
+  if (text.find_first_of("\",\r\n") == std::string_view::npos) return std::string(text);
   std::string quoted = "\"";
   for (const char c : text) {
     if (c == '"') quoted += '"';

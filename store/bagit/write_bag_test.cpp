@@ -203,6 +203,13 @@ TEST(Premis, TextsAreEscaped) {
   EXPECT_THAT(xml, Not(HasSubstr("]]>")));
 }
 
+TEST(FileFormats, FieldsWithSeparatorsAndLineEndsAreQuoted) {
+  EXPECT_EQ(csv_field("archive/a.mkv"), "archive/a.mkv");
+  EXPECT_EQ(csv_field("a,b"), "\"a,b\"");
+  EXPECT_EQ(csv_field("a\"b"), "\"a\"\"b\"");
+  EXPECT_EQ(csv_field("a\r\nb"), "\"a\r\nb\"");
+}
+
 TEST(FileFormats, AreKnownForFilesOfTakes) {
   EXPECT_EQ(format_of_file("archive/a.mkv").pronom, "fmt/569");
   EXPECT_EQ(format_of_file("recording/node.json").pronom, "fmt/817");

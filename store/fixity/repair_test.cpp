@@ -318,6 +318,34 @@ TEST(SalvageResult, EachFrameIsHashedOnceHoweverManyRecordsStateIt) {
   EXPECT_EQ(saved_with(first, pair.archive.size() - first).corrupt_frames, count);
 }
 
+// Clusters within clusters: each states the rest of the archive as its frame.
+TEST(SalvageResult, NestedClustersAreHashedUpToALimit) {
+  constexpr std::size_t kCount = 300'000;
+  PairBytes pair;
+  pair.archive = matroska::make_header(testing::description()).bytes;
+  const std::size_t begin = pair.archive.size();
+  for (std::size_t i = 0; i < kCount; ++i) {
+    const std::size_t rest = (kCount - i - 1) * matroska::kClusterHeaderBytes + 50;
+    const auto cluster = matroska::make_cluster_header(1000, rest);
+    pair.archive.insert(pair.archive.end(), cluster.begin(), cluster.end());
+  }
+  pair.archive.resize(begin + kCount * matroska::kClusterHeaderBytes + 50);
+  const auto header = journal::encode_header(testing::description());
+  pair.journal.assign(header.begin(), header.end());
+  for (const bool has_record : {false, true}) {
+    if (has_record) {
+      FrameRecord record{1000, begin + matroska::kClusterHeaderBytes, 50};
+      record.xxh3 = 7;  // wrong: all clusters of its time are looked at
+      const auto bytes = journal::encode_record(record);
+      pair.journal.insert(pair.journal.end(), bytes.begin(), bytes.end());
+    }
+    const SalvageResult saved = salvage_archive(pair.pair());
+    std::uint64_t bytes = 0;
+    for (const FrameRecord& record : saved.records) bytes += record.size;
+    EXPECT_LE(bytes, 16 * pair.archive.size());
+  }
+}
+
 TEST(SalvageResult, AMovedFrameIsFoundAmongOthersOfItsTimeAndSize) {
   const testing::TestFolder folder;
   const auto pair_of = [&](int value) {  // one frame of 50 equal bytes

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <optional>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -171,14 +172,15 @@ class Salvager {
     return record.size > 0 && record.offset >= matroska::kClusterHeaderBytes &&
            record.offset <= archive_.size() && record.size <= archive_.size() - record.offset;
   }
-  // Returns whether the frame is where the record says.
-  bool is_in_place(const FrameRecord& record) {
-    if (!lies_within(record)) return false;
-    // Frames do not overlap, but the records of a hostile journal may all state the whole archive.
+  // Returns the hash of the frame that a record states; nullopt if it lies outside of the archive.
+  // Frames do not overlap, but the records and clusters of hostile files may all state the whole
+  // archive: nullopt also beyond that work.
+  std::optional<std::uint64_t> stated_hash(const FrameRecord& record) {
     constexpr std::uint64_t kMaxOverlap = 16;
-    stated_bytes_ += record.size;
-    if (stated_bytes_ / kMaxOverlap > archive_.size()) return false;
-    return hash_of(archive_, record) == record.xxh3;
+    if (!lies_within(record)) return std::nullopt;
+    if (record.size > kMaxOverlap * archive_.size() - hashed_bytes_) return std::nullopt;
+    hashed_bytes_ += record.size;
+    return hash_of(archive_, record);
   }
   void occupy(std::size_t offset, std::size_t size) {
     places_.push_back({offset - matroska::kClusterHeaderBytes, offset + size});
@@ -187,7 +189,7 @@ class Salvager {
   // Finds the frame at the journal's offset or, if bytes were lost or inserted before it, at the
   // first cluster with this time, size and hash.
   bool locate(FrameRecord& record) {
-    if (is_in_place(record)) return true;
+    if (stated_hash(record) == record.xxh3) return true;
     if (hashed_times_.insert(record.time_ns).second) hash_found(record.time_ns);
     const auto moved = offsets_.find({record.time_ns, record.size, record.xxh3});
     if (moved == offsets_.end()) return false;
@@ -199,8 +201,9 @@ class Salvager {
     auto frame = std::ranges::lower_bound(found_, time, {}, &matroska::FoundFrame::time);
     for (; frame != found_.end() && frame->time == time; ++frame) {
       const FrameRecord record{time, frame->offset, static_cast<std::uint32_t>(frame->size)};
-      if (!lies_within(record)) continue;
-      offsets_.try_emplace({time, record.size, hash_of(archive_, record)}, record.offset);
+      if (const auto hash = stated_hash(record)) {
+        offsets_.try_emplace({time, record.size, *hash}, record.offset);
+      }
     }
   }
 
@@ -250,7 +253,9 @@ class Salvager {
                             pair_.journal && journal_.lost == 0 && !was_closed(pair_, header_);
     for (const auto& frame : found_) {
       FrameRecord record{frame.time, frame.offset, static_cast<std::uint32_t>(frame.size)};
-      record.xxh3 = hash_of(archive_, record);
+      const auto hash = stated_hash(record);
+      if (!hash) continue;
+      record.xxh3 = *hash;
       ++result_.reindexed_frames;
       const auto stray = journal_.stray_hashes.find(record.xxh3);
       if (stray != journal_.stray_hashes.end()) {
@@ -310,7 +315,7 @@ class Salvager {
   matroska::Header header_;
   std::vector<matroska::FoundFrame> found_;  // by time
   Journal journal_;
-  std::uint64_t stated_bytes_ = 0;      // of the records' frames
+  std::uint64_t hashed_bytes_ = 0;      // of frames that records or clusters state
   std::set<Nanoseconds> hashed_times_;  // whose clusters are in offsets_
   /// Offsets of frames by time, size and XXH3.
   std::map<std::tuple<Nanoseconds, std::uint32_t, std::uint64_t>, std::uint64_t> offsets_;

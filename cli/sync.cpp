@@ -69,7 +69,10 @@ std::string rate_error(const std::string& text) {
   const double rate = rate_from(text);
   if (rate >= 1e-3 && rate <= 1e6) return "";
   return fmt::format(
-      "found \"{}\", allowed: a rate of 0.001 to 1000000 Hz, for example 24 or 24000/1001", text);
+      "found \"{}\", allowed: a rate of 0.001 to 1000000 Hz, for example 24, or a ratio up to 1000 "
+      "Hz, "
+      "for example 24000/1001",
+      text);
 }
 
 /// Returns " (24000/1001)" for such a rate.

@@ -76,7 +76,10 @@ TEST(CameraStations, NaturalSpacingsAreKept) {
   }
   for (const double spacing : {1.0, 2.5}) {
     Centres columns;  // of pairs for stereo, 65 mm apart
-    for (int i = 0; i < 20; ++i) columns.emplace_back(spacing * (i / 2), 0.065 * (i % 2), 0);
+    for (int i = 0; i < 10; ++i) {
+      columns.emplace_back(spacing * i, 0, 0);
+      columns.emplace_back(spacing * i, 0.065, 0);
+    }
     rigs.push_back(columns);
   }
   for (const double distance : {1.5, 100.0}) {

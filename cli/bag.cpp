@@ -122,8 +122,12 @@ ExitCode write(const Options& options, const std::stop_token& stop) {
   Progress progress(!options.quiet);
   store::BagOptions how = options.how;
   for (const std::string& text : options.info) {
-    const std::size_t colon = std::min(text.find(':'), text.size());
-    std::string value = colon < text.size() ? text.substr(colon + 1) : "";
+    const std::size_t colon = text.find(':');
+    if (colon == text.npos) {
+      throw Error::bad_input(fmt::format("found \"{}\", allowed: \"LABEL: VALUE\"", text), "--info",
+                             "Separate the label from its value by a colon");
+    }
+    std::string value = text.substr(colon + 1);
     value.erase(0, std::min(value.find_first_not_of(' '), value.size()));
     how.info.push_back({text.substr(0, colon), value});
   }

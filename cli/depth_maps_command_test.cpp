@@ -177,6 +177,37 @@ TEST_F(ExportedDepths, OpenImageIoReadsTheExr) {
   }
 }
 
+TEST_F(ExportedDepths, BagsStayValid) {
+  const std::string bag = quoted("bag"), payload = quoted("bag/data");
+  ASSERT_EQ(run_raystage("bag -q " + quoted("take") + " -o " + bag).exit_code, 0);
+  const CommandResult exported = run_raystage("export depth " + payload + " -o " + quoted("maps"));
+  EXPECT_EQ(exported.exit_code, 0) << exported.output;
+  for (const std::string command : {"sync", "repair", "verify --manifest write"}) {
+    const CommandResult refused = run_raystage(command + " -q " + payload);
+    EXPECT_EQ(refused.exit_code, 2) << command;
+    EXPECT_THAT(refused.output, HasSubstr("the payload of a bag")) << command;
+  }
+  EXPECT_EQ(run_raystage("verify -q " + payload).exit_code, 0);
+  const CommandResult check = run_raystage("bag -q --check checksums " + bag);
+  EXPECT_EQ(check.exit_code, 0) << check.output;
+}
+
+TEST_F(ExportedDepths, RottenFramesAreAbsent) {
+  {
+    const store::Take take(path("take"));
+    const store::FrameRecord record = take.archive(4).frames()[0];
+    std::string bytes = read_file(path("take") / take.document().cameras[4].archive);
+    bytes[record.offset + record.size / 2] ^= 0x10;
+    write_file_atomically(path("take") / take.document().cameras[4].archive, bytes);
+  }
+  const CommandResult result =
+      run_raystage("export depth -q " + quoted("take") + " -o " + quoted("maps"));
+  EXPECT_EQ(result.exit_code, 4) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("1 stored frames are not as they were recorded"));
+  EXPECT_FALSE(fs::exists(path("maps/r1c1/000001.exr")));
+  EXPECT_TRUE(fs::exists(path("maps/r0c0/000001.exr")));
+}
+
 TEST_F(ExportedDepths, OtherProgramsReadThePng) {
   ASSERT_EQ(here("command -v oiiotool && command -v ffprobe && command -v ffmpeg").exit_code, 0)
       << "oiiotool or ffmpeg is not installed";

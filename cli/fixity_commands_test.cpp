@@ -50,6 +50,22 @@ struct FixityCommands : ::testing::Test {
   std::string quoted = "'" + take.string() + "'";
 };
 
+TEST_F(FixityCommands, ACatalogueWithoutTakesIsAProblem) {
+  create_folder(folder.path() / "not mounted");
+  const testing::CommandResult result =
+      run("verify -q --catalogue '" + (folder.path() / "not mounted").string() + "'");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.output, HasSubstr("no take was found, as if a disk were not mounted"));
+}
+
+TEST_F(FixityCommands, AnEventSaysThatTheManifestDiffers) {
+  ASSERT_EQ(run("verify -q --manifest write " + quoted).exit_code, 0);
+  write_file_atomically(take / "added.txt", "x");
+  EXPECT_EQ(run("verify -q --manifest check " + quoted).exit_code, 1);
+  const std::string events = read_file(take / "events.jsonl");
+  EXPECT_THAT(events, HasSubstr("3 of 3 cameras intact; files or the signature are not as"));
+}
+
 TEST_F(FixityCommands, AWholeTake) {
   for (const char* depth : {"", "--depth sizes ", "--depth journal ", "--depth hashes -j 1 "}) {
     const testing::CommandResult verify = run("verify -q " + std::string(depth) + quoted);

@@ -24,6 +24,7 @@
 #include "ingest/import_take.h"
 #include "raystage_version.h"
 #include "schemas/rig_document.h"
+#include "store/bag_payload.h"
 #include "store/take.h"
 
 namespace {
@@ -221,6 +222,7 @@ ExitCode run_depth_import(const Options& options, const std::stop_token& stop) {
   settings.numbers = options.depth_numbers;
   settings.overwrites = options.depth_overwrites;
   settings.created_by = "raystage " RAYSTAGE_VERSION;
+  store::require_no_bag_payload(options.depth_take);
   const store::Take take(options.depth_take);
   Progress progress(!options.quiet);
   settings.progress = [&](double done) { progress.report(done); };

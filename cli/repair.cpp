@@ -15,6 +15,7 @@
 #include "cli/printing.h"
 #include "cli/take_event.h"
 #include "cli/threads.h"
+#include "store/bag_payload.h"
 
 namespace raystage::cli {
 namespace {
@@ -94,6 +95,7 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
   if (!options.copy.empty()) how.copy = options.copy;
   how.progress = [&](double share) { progress.report(share); };
   how.stop = stop;
+  if (!options.dry_run) store::require_no_bag_payload(options.take);
   const store::RepairReport report = store::repair_take(options.take, how);
   long intact = 0;
   for (const auto& camera : report.cameras) {

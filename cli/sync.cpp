@@ -26,6 +26,7 @@
 #include "rig/row_times.h"
 #include "schemas/former_names.h"
 #include "schemas/json_text.h"
+#include "store/bag_payload.h"
 #include "store/journal_archives.h"
 #include "store/processing/retime/retime_take.h"
 #include "store/processing/sync/flash.h"
@@ -214,6 +215,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     throw Error::bad_input("the end of the range is not after its beginning", "--flash-window",
                            "Use BEGIN < END, both in seconds");
   }
+  if (options.output.empty()) store::require_no_bag_payload(options.take);
   if (!options.output.empty() && is_name_taken(options.output)) {
     throw Error::bad_input("the folder exists", options.output,
                            "Choose another name, or remove the folder");

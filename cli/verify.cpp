@@ -22,6 +22,7 @@
 #include "cli/verify_catalogue.h"
 #include "schemas/former_names.h"
 #include "schemas/json_text.h"
+#include "store/bag_payload.h"
 #include "store/fixity/manifest.h"
 #include "store/fixity/signature.h"
 
@@ -245,16 +246,16 @@ Json check_manifest(const Options& options, const store::ManifestOptions& hashin
 
 /// Appends what was found, and which manifest was written, to the take's event log.
 void log_verification(const Options& options, const store::TakeFixityReport& report,
-                      ExitCode code) {
+                      bool is_as_listed, ExitCode code) {
   const auto intact = std::ranges::count_if(report.cameras, [](const auto& camera) {
     return camera.error.empty() && camera.report.is_intact();
   });
   std::string detail = fmt::format("verify --depth {}", options.depth);
   if (options.decode) detail += " --decode";
   if (options.manifest == "check") detail += " --manifest check";
-  record_event(options.take, "fixity check", detail,
-               fmt::format("{} of {} cameras intact", intact, report.cameras.size()),
-               outcome_of(code));
+  std::string note = fmt::format("{} of {} cameras intact", intact, report.cameras.size());
+  if (!is_as_listed) note += "; files or the signature are not as the manifest states";
+  record_event(options.take, "fixity check", detail, note, outcome_of(code));
   if (options.manifest == "write" && code == ExitCode::kSuccess) {
     record_event(options.take, "message digest calculation", "verify --manifest write",
                  store::kManifestFile);
@@ -294,6 +295,7 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
     if (options.manifest == "check") {
       json["manifest"] = check_manifest(options, hashing, is_as_listed);
     } else if (options.manifest == "write" && is_intact) {
+      store::require_no_bag_payload(options.take);
       json["manifest"] = write_manifest(options, hashing);
     }
   } catch (const Error& error) {
@@ -311,7 +313,7 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
     print("no manifest was written: it would state that the take is good\n");
   }
   const ExitCode code = is_intact && is_as_listed ? ExitCode::kSuccess : ExitCode::kFailed;
-  log_verification(options, report, code);
+  log_verification(options, report, is_as_listed, code);
   return code;
 }
 

@@ -66,7 +66,24 @@ class RecordedDepths {
         cache_(take, kCacheBytes, store::BlendSpace::kPerceptual),
         results_(std::size_t{1} << 30) {}
 
-  /// Returns the map of each camera of the take; empty without a frame.
+  /// Returns the map of each camera of the take; empty without a frame. Removes rotten frames from
+  /// the tick.
+  std::vector<InverseDepthMap> without_rotten_frames(store::FrameSelection& tick) {
+    try {
+      return at(tick);
+    } catch (const store::RottenFrame&) {
+      for (std::size_t i = 0; i < tick.frame.size(); ++i) {
+        const bool is_rotten =
+            tick.frame[i] >= 0 && take_.archive(static_cast<int>(i)).is_rotten(tick.frame[i]);
+        if (is_rotten) tick.frame[i] = -1;
+      }
+      return at(tick);
+    }
+  }
+
+ private:
+  static constexpr std::size_t kCacheBytes = std::size_t{1} << 30;
+
   std::vector<InverseDepthMap> at(const store::FrameSelection& tick) {
     const auto cameras = static_cast<std::size_t>(take_.camera_count());
     std::vector<InverseDepthMap> maps(cameras);
@@ -88,9 +105,6 @@ class RecordedDepths {
     if (needs_estimation) add_estimated(tick, maps);
     return maps;
   }
-
- private:
-  static constexpr std::size_t kCacheBytes = std::size_t{1} << 30;
 
   const ImportedMaps::Map* imported_map(std::size_t camera,
                                         const store::FrameSelection& tick) const {
@@ -195,12 +209,18 @@ ExportReport export_depths(const store::Take& take, const DepthExportOptions& op
     for (const auto& entry : cameras_of) {
       const auto number = entry.first;
       const auto& cameras = entry.second;
-      const std::vector<InverseDepthMap> maps =
-          recorded.at(timeline.ticks.at(static_cast<std::size_t>(number) - 1));
+      store::FrameSelection tick = timeline.ticks.at(static_cast<std::size_t>(number) - 1);
+      const std::vector<InverseDepthMap> maps = recorded.without_rotten_frames(tick);
       parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t i) {
         const std::string& id = report.cameras[cameras[i]].id;
-        const InverseDepthMap& map =
-            maps[static_cast<std::size_t>(choice.cameras[cameras[i]].camera)];
+        const auto camera = static_cast<std::size_t>(choice.cameras[cameras[i]].camera);
+        if (tick.frame[camera] < 0) {
+          --report.cameras[cameras[i]].frames;
+          ++report.cameras[cameras[i]].rotten;
+          counter.add();
+          return;
+        }
+        const InverseDepthMap& map = maps[camera];
         const std::string file =
             fmt::format("{}/{:06}.{}", id, number, options.png_range ? "png" : "exr");
         write_new_file(folder.working() / file,

@@ -28,6 +28,7 @@
 #include "base/mapped_file.h"
 #include "render/depth/depth_file.h"
 #include "rig/camera_stations.h"
+#include "store/bag_payload.h"
 
 namespace raystage::render {
 namespace {
@@ -342,6 +343,12 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
            " is a link, so each run estimates them again; use another folder for derived data";
     stores_depths = false;
   }
+  if (stores_depths && store::is_bag_payload(instant.derived_folder())) {
+    note =
+        "depths are neither read nor stored, because the take is the payload of a bag, so each run "
+        "estimates them again; copy the take out of the bag";
+    stores_depths = false;
+  }
   if (stores_depths) {
     CameraDepths depths = camera_depths_without_maps(instant, options);
     if (read_maps({instant.derived_folder(), depth_file_path({}, key)}, content_of(key), depths)) {
@@ -385,6 +392,7 @@ void pin_depth_set(const fs::path& set, std::string_view job) {
   const fs::path pin = pin_file(set, job);
   const fs::path folder = set.parent_path().parent_path();
   require_contained({folder, pin.lexically_relative(folder)});
+  if (store::is_bag_payload(folder)) return;  // nothing is stored there
   std::error_code error;
   const bool is_new = !fs::exists(set, error);
   create_folder(set);

@@ -379,11 +379,30 @@ class BagWriter {
   BagWriteReport report_;
 };
 
+/// Returns what tells a copy of a take in another form from the recorded one: both may lie in one
+/// OCFL storage root.
+std::string_view query_of_form(const Take& take) {
+  switch (take.archive(0).description().codec) {
+    case FrameCodec::kJpeg:
+    case FrameCodec::kPicture:
+      return "";
+    case FrameCodec::kPacked:
+      return "?form=jpegxl";
+    case FrameCodec::kHevc:
+    case FrameCodec::kHevcCameras:
+      return "?form=hevc";
+    case FrameCodec::kAv1:
+    case FrameCodec::kAv1Cameras:
+      return "?form=av1";
+  }
+  return "";
+}
+
 }  // namespace
 
 std::string take_identifier(const Take& take) {
-  return fmt::format("x-raystage-take:{}/{}", uri_part(take.document().name),
-                     format_utc(take.document().epoch_utc));
+  return fmt::format("x-raystage-take:{}/{}{}", uri_part(take.document().name),
+                     format_utc(take.document().epoch_utc), query_of_form(take));
 }
 
 void check_bag_info(const std::vector<BagInfo::Element>& elements) {

@@ -165,6 +165,11 @@ class Checker {
       }
       catalogue_.takes.push_back(std::move(entry));
     }
+    if (catalogue_.takes.empty()) {
+      report_.problems.push_back(folder_.string() +
+                                 ": no take was found, as if a disk were not mounted. Mount the "
+                                 "disk, or give the folder of the takes");
+    }
     for (const std::string& disk : absent_disks) {
       report_.problems.push_back(disk +
                                  ": the folder is empty, as if a disk were not mounted; no take "

@@ -19,6 +19,7 @@
 #include "base/contained_path.h"
 #include "base/error.h"
 #include "schemas/take_document.h"
+#include "store/bag_payload.h"
 #include "store/fixity/sha256.h"
 
 namespace raystage::store {
@@ -45,12 +46,6 @@ std::string random_uuid() {
 }
 
 bool is_read_only(int reason) { return reason == EROFS || reason == EACCES || reason == EPERM; }
-
-/// Whether a take is the payload of a bag, which an event would make invalid.
-bool is_in_bag(const fs::path& take) {
-  const fs::path folder = (fs::absolute(take) / "").lexically_normal().parent_path();
-  return folder.filename() == "data" && file_exists(folder.parent_path() / "bagit.txt");
-}
 
 /// Waits for the lock; another command holds it for milliseconds.
 void lock_log(const FileDescriptor& log, const fs::path& name) {
@@ -100,7 +95,7 @@ schemas::TakeEvent make_event(const fs::path& take, schemas::TakeEvent event) {
 }
 
 bool append_event(const fs::path& take, const schemas::TakeEvent& event) {
-  if (is_in_bag(take)) return false;
+  if (is_bag_payload(take)) return false;
   const ContainedPath file{take, kEventLogFile};
   const FileDescriptor log = open_contained(file, O_RDWR | O_CREAT | O_APPEND, 0666);
   if (!log.open()) {

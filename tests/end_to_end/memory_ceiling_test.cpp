@@ -105,11 +105,17 @@ TEST_F(RecordCeiling, ASourceThatGrowsWithoutBoundIsLostAndNoOtherFrameIs) {
 }
 
 TEST_F(RecordCeiling, AlsoIfItComesBackAgainAndAgain) {
-  configure("reconnect", kGrowing);
-  const CommandResult result = record("--duration 7 --memory-ceiling 560");
-  EXPECT_EQ(result.exit_code, 3) << result.err;
-  expect_good_cameras_whole(560);
-  EXPECT_GT(session().at("cameras")[3].at("events").size(), 3U);
+  std::size_t events = 0;
+  for (const std::string duration : {"7", "40"}) {  // on a busy machine it comes back later
+    configure("reconnect", kGrowing);
+    std::filesystem::remove_all(folder_.path() / "take");
+    const CommandResult result = record("--duration " + duration + " --memory-ceiling 560");
+    EXPECT_EQ(result.exit_code, 3) << result.err;
+    expect_good_cameras_whole(560);
+    events = session().at("cameras")[3].at("events").size();
+    if (events > 3) break;
+  }
+  EXPECT_GT(events, 3U);
 }
 
 // The frames of the good cameras wait in memory meanwhile.

@@ -71,8 +71,7 @@ std::string rate_error(const std::string& text) {
   if (rate >= 1e-3 && rate <= 1e6) return "";
   return fmt::format(
       "found \"{}\", allowed: a rate of 0.001 to 1000000 Hz, for example 24, or a ratio up to 1000 "
-      "Hz, "
-      "for example 24000/1001",
+      "Hz, for example 24000/1001",
       text);
 }
 

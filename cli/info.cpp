@@ -63,41 +63,43 @@ long count_of(const store::TakeSummary& summary, Keep keep) {
 
 void line(std::string_view name, const std::string& text) { print("{:<12}{}\n", name, text); }
 
-/// Returns "3 dropped, 45 start_up"; empty if nothing is missing.
-std::string by_reason(const std::array<int, store::kFrameStatusCount>& by_status) {
-  std::string text;
-  for (std::size_t s = 1; s < by_status.size(); ++s) {
-    if (by_status[s] == 0) continue;
-    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", by_status[s],
-                        store::name_of(static_cast<store::FrameStatus>(s)));
+/// Returns "3 dropped by the source, 45 lost at start-up"; empty if nothing is missing.
+std::string by_reason(const Camera& camera) {
+  std::vector<std::string> reasons;
+  for (std::size_t s = 1; s < camera.by_status.size(); ++s) {
+    if (camera.by_status[s] == 0) continue;
+    reasons.push_back(fmt::format("{} {}", camera.by_status[s],
+                                  store::name_of(static_cast<store::FrameStatus>(s))));
   }
-  return text;
+  if (camera.lost > 0) reasons.push_back(fmt::format("{} after the archive's end", camera.lost));
+  return fmt::format("{}", fmt::join(reasons, ", "));
 }
 
 int missing_of(const Camera& camera) {
-  return std::reduce(camera.by_status.begin() + 1, camera.by_status.end());
+  return std::reduce(camera.by_status.begin() + 1, camera.by_status.end(), camera.lost);
 }
 
 /// Prints only the cameras with the most missing frames if many have some; --json lists all.
 void print_missing(const store::TakeSummary& summary) {
   constexpr std::size_t kMax = 8;
-  std::array<int, store::kFrameStatusCount> all{};
+  Camera all;
   std::vector<const Camera*> lacking;
   for (const Camera& camera : summary.cameras) {
-    for (std::size_t s = 1; s < all.size(); ++s) all[s] += camera.by_status[s];
+    for (std::size_t s = 1; s < all.by_status.size(); ++s) all.by_status[s] += camera.by_status[s];
+    all.lost += camera.lost;
     if (missing_of(camera) > 0) lacking.push_back(&camera);
   }
   if (lacking.empty()) {
     line("Missing", "no frames recorded as missing");
     return;
   }
-  line("Missing", fmt::format("{} frames in {} cameras: {}", std::reduce(all.begin(), all.end()),
-                              lacking.size(), by_reason(all)));
+  line("Missing",
+       fmt::format("{} frames in {} cameras: {}", missing_of(all), lacking.size(), by_reason(all)));
   std::ranges::stable_sort(lacking, std::ranges::greater{},
                            [](const Camera* camera) { return missing_of(*camera); });
   const std::size_t shown = lacking.size() > kMax ? kMax / 2 : lacking.size();
   for (std::size_t i = 0; i < shown; ++i) {
-    print("  {:<10}{}\n", lacking[i]->id, by_reason(lacking[i]->by_status));
+    print("  {:<10}{}\n", lacking[i]->id, by_reason(*lacking[i]));
   }
   if (shown < lacking.size()) {
     print("  and {} cameras more, {} to {} frames each (--json lists them)\n",
@@ -106,14 +108,28 @@ void print_missing(const store::TakeSummary& summary) {
 }
 
 void print_archives(const store::TakeSummary& summary, const std::string& folder) {
-  const auto open = [](const Camera& camera) { return camera.error.empty() && !camera.closed; };
-  const long not_closed = count_of(summary, open);
-  line("Archives",
-       not_closed == 0
-           ? fmt::format("{}, all closed",
-                         count_of(summary, [](const Camera& c) { return c.error.empty(); }))
-           : fmt::format("{} not closed (interrupted, or still recording): {}", not_closed,
-                         ids_of(summary, open)));
+  const auto is_cut = [](const Camera& camera) { return camera.lost > 0; };
+  const auto open = [](const Camera& camera) {
+    return camera.error.empty() && !camera.closed && camera.lost == 0;
+  };
+  const long not_closed = count_of(summary, open), cut = count_of(summary, is_cut);
+  if (not_closed > 0) {
+    line("Archives", fmt::format("{} not closed (interrupted, or still recording): {}", not_closed,
+                                 ids_of(summary, open)));
+  } else if (cut == 0) {
+    const auto is_readable = [](const Camera& c) { return c.error.empty(); };
+    const auto cameras = static_cast<long>(summary.cameras.size());
+    const long readable = count_of(summary, is_readable);
+    line("Archives", readable == cameras ? fmt::format("{}, all closed", readable)
+                                         : fmt::format("{} of {} can be read", readable, cameras));
+  }
+  if (cut > 0) {
+    line("Archives", fmt::format("{} shorter than when closed: {}", cut, ids_of(summary, is_cut)));
+    print(
+        "  `raystage verify {0}` lists the lost frames, `raystage repair {0} --from COPY` restores "
+        "them\n",
+        folder);
+  }
   if (not_closed > 0) {
     print(
         "  if interrupted: `raystage record CONFIG --resume -o {0}` continues it, `raystage repair "
@@ -329,7 +345,8 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
     line("Late", fmt::format("node {} started {:.3f} s after its --start-at", node, seconds(late)));
   }
   if (!summary.restarts_error.empty()) line("Resumed", summary.restarts_error);
-  line("Colour", document.color_space);
+  const bool has_jpeg = count_of(summary, [](const Camera& c) { return !c.pixels; }) > 0;
+  if (has_jpeg) line("Colour", document.color_space);
   line("Clock", fmt::format("{}; time stamps mark {}", document.clock, document.timestamp_event));
   line("Shutter", shutter_text(summary.shutters));
   if (most.frames > 1) {
@@ -338,7 +355,6 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
       line("Warning", error->what());
     }
   }
-  const bool has_jpeg = count_of(summary, [](const Camera& c) { return !c.pixels; }) > 0;
   if (has_jpeg) line("JPEG", restart_markers(summary));
   if (const std::string text = deep_pixels(summary); !text.empty()) line("Pixels", text);
   const auto is_packed = [](const Camera& c) { return c.packed; };
@@ -390,7 +406,8 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
                      static_cast<double>(statistics.max_spread) / kNsPerMs,
                      std::reduce(statistics.absent.begin(), statistics.absent.end())));
   } else {
-    line("Timeline", summary.timeline_error + ": run `raystage sync`");
+    const char* const advice = summary.is_readable() ? ": run `raystage sync`" : "";
+    line("Timeline", summary.timeline_error + advice);
   }
 }
 
@@ -405,6 +422,7 @@ Json json_of(const Camera& camera) {
             {"width", camera.width},
             {"height", camera.height},
             {"frames", camera.frames},
+            {"lost_frames", camera.lost},
             {"missing", missing},
             {"closed", camera.closed},
             {"packed", camera.packed},

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/atomic_file.h"
 #include "testing/cli/test_command.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
@@ -213,6 +214,22 @@ TEST_F(TakeCommands, InfoOfACutArchive) {
   std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
   const testing::CommandResult info = run("info " + quoted);
   EXPECT_EQ(info.exit_code, 0);
+  EXPECT_THAT(info.output, HasSubstr("1 shorter than when closed: c3"));
+  EXPECT_THAT(info.output, HasSubstr(" after the archive's end"));
+  EXPECT_THAT(info.output, HasSubstr("raystage verify " + take.string()));
+  EXPECT_THAT(info.output, HasSubstr("raystage repair " + take.string() + " --from COPY"));
+  EXPECT_THAT(info.output, Not(HasSubstr("torn")));
+}
+
+TEST_F(TakeCommands, InfoOfAnInterruptedRecording) {
+  // As a recorder leaves it: the Segment has no size yet.
+  const auto file = take / "archive" / "c3.mkv";
+  std::string bytes = read_file(file);
+  const auto segment = bytes.find("\x18\x53\x80\x67");
+  ASSERT_NE(segment, std::string::npos);
+  bytes.replace(segment + 4, 8, "\x01\xff\xff\xff\xff\xff\xff\xff");
+  write_file_atomically(file, bytes.substr(0, bytes.size() / 2));
+  const testing::CommandResult info = run("info " + quoted);
   EXPECT_THAT(info.output, HasSubstr("1 not closed"));
   EXPECT_THAT(info.output, HasSubstr(" torn"));
   EXPECT_THAT(info.output, HasSubstr("--resume -o " + take.string()));

@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/frame_rate.h"
 #include "base/options.h"
+#include "store/lost_frames.h"
 
 namespace raystage::exports {
 namespace {
@@ -269,9 +270,11 @@ FrameChoice choose_frames(const store::Take& take, const FrameChoiceOptions& opt
     }
   }
   for (const CameraFrames& camera : choice.cameras) {
-    const auto frames = take.archive(camera.camera).frames();
+    const store::ArchiveReader& archive = take.archive(camera.camera);
+    const auto frames = archive.frames();
     for (const ChosenFrame& frame : camera.frames) {
-      if (frame.source >= 0) choice.source_bytes += frames[frame.source].size;
+      if (frame.source < 0 || store::is_lost(archive, frames[frame.source])) continue;
+      choice.source_bytes += frames[frame.source].size;
     }
   }
   return choice;

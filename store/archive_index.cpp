@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "store/journal.h"
+#include "store/jpegxl/packed_frame.h"
 #include "store/matroska.h"
 
 namespace raystage::store {
@@ -26,8 +27,13 @@ FrameRecord without_frame(const FrameRecord& record, FrameStatus status) {
 // times and offsets of stored frames must increase.
 class Merger {
  public:
-  Merger(Bytes archive, std::size_t first_cluster, ArchiveIndex& index)
-      : archive_(archive), cursor_(first_cluster), index_(index) {}
+  Merger(Bytes archive, const matroska::Preamble& preamble, ArchiveIndex& index)
+      : archive_(archive),
+        // With a damaged header the clusters may still be whole. A truncated header leaves no
+        // clusters, but the journal still lists the frames.
+        cursor_(preamble.first_cluster.value_or(0)),
+        keeps_lost_(preamble.is_cut),
+        index_(index) {}
 
   void add(const FrameRecord& record) {
     if (record.time_ns < last_time_ || record.time_ns > matroska::kMaxTime) {
@@ -48,7 +54,8 @@ class Merger {
       return;
     }
     if (record.offset > archive_.size() || record.size > archive_.size() - record.offset) {
-      cut_off_.push_back(without_frame(record, FrameStatus::kTorn));
+      cut_off_.push_back(record);
+      cut_off_.back().status = FrameStatus::kTorn;
       last_time_ = record.time_ns;
       return;
     }
@@ -76,6 +83,18 @@ class Merger {
     index_.records.insert(index_.records.end(), cut_off_.begin(), cut_off_.end());
     std::ranges::inplace_merge(index_.records, index_.records.begin() + middle, {},
                                &FrameRecord::time_ns);
+    for (std::size_t i = 0; i < index_.records.size(); ++i) {
+      FrameRecord& record = index_.records[i];
+      if (record.status == FrameStatus::kStored || record.size == 0) continue;
+      // Cut off.
+      const bool follows =
+          index_.lost.empty() || record.time_ns > index_.lost.back().listed.time_ns;
+      if (keeps_lost_ && follows && record.size <= kMaxFrameBytes) {
+        index_.lost.push_back({i, record});
+        index_.lost.back().listed.status = FrameStatus::kStored;
+      }
+      record = without_frame(record, FrameStatus::kTorn);
+    }
   }
 
  private:
@@ -110,11 +129,13 @@ class Merger {
   std::size_t cursor_;
   Nanoseconds last_time_ = 0, last_stored_time_ = -1;
   std::vector<FrameRecord> cut_off_;
+  bool keeps_lost_;
   ArchiveIndex& index_;
 };
 
 // Marks frames at the very end whose hash differs as torn. After a power loss an unclosed archive
-// may end in blocks that were never written, although its size and the journal include them.
+// may end in blocks that were never written, although its size and the journal include them. One
+// that was closed and is shorter now has lost its end otherwise: what is left of it was written.
 void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
   for (auto record = index.records.rbegin(); record != index.records.rend(); ++record) {
     if (record->status != FrameStatus::kStored) continue;
@@ -127,13 +148,13 @@ void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
 }
 
 /// Marks the frames without a record as unverified, unless an interrupted write explains that.
-void mark_unverified(const journal::Contents& contents, ArchiveIndex& index) {
+void mark_unverified(const journal::Contents& contents, bool is_cut, ArchiveIndex& index) {
   const auto is_unlisted = [](const FrameRecord& record) {
     return record.status == FrameStatus::kStored && record.xxh3 == 0;
   };
   const auto first = std::ranges::find_if(index.records, is_unlisted);
   const bool is_at_end = std::all_of(first, index.records.end(), is_unlisted);
-  const bool by_a_crash = !index.closed && contents.header && is_at_end &&
+  const bool by_a_crash = !index.closed && !is_cut && contents.header && is_at_end &&
                           index.recovered <= journal::kMaxTrustedUnlistedFrames &&
                           index.damaged_records == (contents.has_torn_end ? 1 : 0);
   if (by_a_crash) return;
@@ -163,13 +184,11 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
         "Replace it with the archive's journal, or remove it: the archive can be "
         "read without it, but the records of missing frames are then lost");
   }
-  // With a damaged header the clusters may still be whole. A truncated header leaves no clusters,
-  // but the journal still lists the frames.
-  Merger merger(archive, preamble.first_cluster.value_or(0), index);
+  Merger merger(archive, preamble, index);
   for (const FrameRecord& record : contents.records) merger.add(record);
   merger.finish();
-  if (!index.closed) drop_unwritten_tail(archive, index);
-  mark_unverified(contents, index);
+  if (!index.closed && !preamble.is_cut) drop_unwritten_tail(archive, index);
+  mark_unverified(contents, preamble.is_cut, index);
 
   index.frames.reserve(index.records.size());
   for (const FrameRecord& record : index.records) {

@@ -20,6 +20,14 @@ struct ArchiveIndex {
   /// the end of an archive that was not closed, with nothing else missing from its journal.
   std::vector<FrameRecord> records;
   std::vector<FrameRecord> frames;  ///< the stored ones
+  /// A frame that was lost with the end of the archive after it had been closed.
+  struct LostFrame {
+    std::size_t record = 0;  ///< index into `records`, where it is kTorn
+    FrameRecord listed;      ///< as the journal lists it
+  };
+  /// By increasing times; none has the time of a stored frame. Frames that an interrupted recording
+  /// did not write are not among them.
+  std::vector<LostFrame> lost;
   bool closed = false;
   int recovered = 0;        ///< frames found in the archive that the journal does not list
   int damaged_records = 0;  ///< of the journal: torn, corrupt, or contradicting the archive

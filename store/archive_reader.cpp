@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads an archive. The journal is the index (archive_index.h), made through a memory map; frames
-// are copied from the file, because another process may truncate it. The nearest frame to a time is
-// found by binary search; frames on another host come from RemoteFrames. Packed frames are checked
-// like others, then unpacked (store/jpegxl/), and kept for the next request.
-#include <xxhash.h>
-
+// Reads an archive (indexed_archive.h) and decodes what is not stored as JPEG. The nearest frame to
+// a time is found by binary search; frames on another host come from RemoteFrames. Packed frames
+// are checked like others, then unpacked (store/jpegxl/), and kept for the next request.
 #include <algorithm>
-#include <array>
-#include <atomic>
 #include <cassert>
 #include <iterator>
 #include <mutex>
@@ -18,10 +13,9 @@
 #include "base/contained_path.h"
 #include "base/error.h"
 #include "base/mapped_file.h"
-#include "base/posix_file.h"
 #include "store/archive.h"
-#include "store/archive_index.h"
 #include "store/camera_groups.h"
+#include "store/indexed_archive.h"
 #include "store/jpeg/encode.h"
 #include "store/jpegxl/frame_packer.h"
 #include "store/jpegxl/packed_frame.h"
@@ -32,72 +26,15 @@
 
 namespace raystage::store {
 
-struct ArchiveReader::State {
-  enum class Integrity : std::uint8_t { kUnchecked, kIntact, kRotten };
-
+struct ArchiveReader::State : IndexedArchive {
   State() = default;
   State(const ContainedPath& archive, std::shared_ptr<FrameBuffers> with_buffers,
         std::shared_ptr<UnpackedFrames> with_unpacked)
-      : path(archive.path()),
-        file(archive),
-        buffers(std::move(with_buffers)),
+      : IndexedArchive(archive, std::move(with_buffers)),
         unpacked(std::move(with_unpacked)),
         number(unpacked->new_archive()) {}
 
-  const FrameRecord& record(int frame) const {
-    assert(frame >= 0 && static_cast<std::size_t>(frame) < index.frames.size());
-    return index.frames[frame];
-  }
-
-  /// Returns the bytes of a frame as they are in the file.
-  FrameBytes read(int frame) const {
-    const FrameRecord& wanted = record(frame);
-    if (wanted.size > kMaxFrameBytes) {
-      throw Error::bad_input("frame " + std::to_string(frame) + " has more than 256 MiB",
-                             path.string(), "Run `raystage verify` on the take");
-    }
-    const std::shared_ptr<std::byte[]> bytes = buffers->take(wanted.size);
-    if (file->read_at(wanted.offset, {bytes.get(), wanted.size}) != wanted.size)
-      throw unreadable(frame);
-    return {bytes, wanted.size};
-  }
-
-  bool has_recorded_hash(int frame, const FrameBytes& bytes) const {
-    return XXH3_64bits(bytes.data(), bytes.size()) == record(frame).xxh3;
-  }
-
   bool has_pictures() const { return index.description.codec == FrameCodec::kPicture; }
-
-  bool may_have_packed_frames() const { return index.description.codec == FrameCodec::kPacked; }
-
-  /// Returns what a packed frame states; nullopt of a JPEG. Reads the beginning of the frame.
-  std::optional<JpegFixity> packed_fixity(int frame) const {
-    const auto start =
-        may_have_packed_frames() ? start_of<kPackedHeaderBytes>(frame) : std::nullopt;
-    return start ? read_jpeg_fixity(*start) : std::nullopt;
-  }
-
-  /// Returns what a temporal frame states; nullopt of others. Reads the beginning of the frame.
-  std::optional<FrameLink> link_of(int frame) const {
-    const bool may_have_links = is_temporal(index.description.codec);
-    const auto start = may_have_links ? start_of<kFrameLinkBytes>(frame) : std::nullopt;
-    return start ? read_frame_link(*start) : std::nullopt;
-  }
-
-  /// Returns the first bytes of a frame; nullopt if it has fewer.
-  template <std::size_t kBytes>
-  std::optional<std::array<std::byte, kBytes>> start_of(int frame) const {
-    const FrameRecord& wanted = record(frame);
-    std::array<std::byte, kBytes> start{};
-    if (wanted.size < start.size()) return std::nullopt;
-    if (file->read_at(wanted.offset, start) != start.size()) throw unreadable(frame);
-    return start;
-  }
-
-  Error unreadable(int frame) const {
-    return Error::bad_input("frame " + std::to_string(frame) + " cannot be read", path.string(),
-                            "Check the disk and run `raystage verify` on the take");
-  }
 
   /// Returns the frames of a group from its first to a frame and, if `is_whole`, on to the last
   /// that is intact; none if one up to the frame is not, or was lost.
@@ -208,7 +145,7 @@ struct ArchiveReader::State {
       return jpeg;
     } catch (const Error& error) {
       if (error.exit_code() != ExitCode::kBadInput) throw;
-      integrity[frame] = Integrity::kRotten;
+      mark_rotten(frame);
       return std::nullopt;
     }
   }
@@ -224,7 +161,7 @@ struct ArchiveReader::State {
                                          encoding ? &*encoding : nullptr, path);
     } catch (const Error& error) {
       if (error.exit_code() != ExitCode::kBadInput) throw;
-      integrity[frame] = Integrity::kRotten;
+      mark_rotten(frame);
       return std::nullopt;
     }
   }
@@ -239,7 +176,7 @@ struct ArchiveReader::State {
                                                         : decode_temporal(frame, link->position);
     } catch (const Error& error) {
       if (error.exit_code() != ExitCode::kBadInput) throw;
-      integrity[frame] = Integrity::kRotten;
+      mark_rotten(frame);
       return std::nullopt;
     }
   }
@@ -273,30 +210,12 @@ struct ArchiveReader::State {
                : read_group(frame, link->position, false).empty();
   }
 
-  /// Returns the stored bytes of a frame; none if they are not the recorded ones.
-  std::optional<FrameBytes> read_intact(int frame) const {
-    std::atomic<Integrity>& known = integrity[frame];
-    if (known == Integrity::kRotten) return std::nullopt;
-    FrameBytes bytes = read(frame);
-    if (known != Integrity::kIntact) {  // another thread may have found rot meanwhile
-      const bool is_intact = record(frame).xxh3 == 0 || has_recorded_hash(frame, bytes);
-      known = is_intact ? Integrity::kIntact : Integrity::kRotten;
-      if (!is_intact) return std::nullopt;
-    }
-    return bytes;
-  }
-
-  std::filesystem::path path;
-  std::optional<InputFile> file;  // nullopt: on another host
-  std::shared_ptr<FrameBuffers> buffers;
   std::shared_ptr<UnpackedFrames> unpacked;
   std::uint64_t number = 0;  // of this archive in `unpacked`
   std::shared_ptr<const RemoteFrames> remote;
   std::optional<schemas::PixelEncoding> encoding;
   const TakeArchives* take = nullptr;  // null: unknown
   int camera_in_take = 0;
-  ArchiveIndex index;
-  std::unique_ptr<std::atomic<Integrity>[]> integrity;                    // of each frame
   std::unique_ptr<std::mutex> decoding = std::make_unique<std::mutex>();  // of one group at a time
 };
 
@@ -331,8 +250,7 @@ ArchiveReader::ArchiveReader(const ContainedPath& archive, const ContainedPath& 
       unpacked ? std::move(unpacked) : std::make_shared<UnpackedFrames>());
   state_->index = index_files(MappedFile(*state_->file, archive.path()), journal_file,
                               archive.path(), journal.path());
-  state_->integrity =
-      std::make_unique<std::atomic<State::Integrity>[]>(state_->index.frames.size());
+  state_->include_lost();
 }
 
 ArchiveReader::ArchiveReader(const ArchiveWriter::Description& description,
@@ -348,8 +266,7 @@ ArchiveReader::ArchiveReader(const ArchiveWriter::Description& description,
                        [](const FrameRecord& r) { return r.status == FrameStatus::kStored; });
   state_->index.records = std::move(records);
   state_->index.closed = true;
-  state_->integrity =
-      std::make_unique<std::atomic<State::Integrity>[]>(state_->index.frames.size());
+  state_->forget_checks();
   state_->unpacked = unpacked ? std::move(unpacked) : std::make_shared<UnpackedFrames>();
   state_->number = state_->unpacked->new_archive();
 }
@@ -376,26 +293,14 @@ std::optional<int> ArchiveReader::nearest_frame(Nanoseconds time) const {
   return behind <= ahead ? index - 1 : index;
 }
 
-namespace {
-
-RottenFrame rotten_frame(int frame, const std::string& camera, const std::filesystem::path& path) {
-  return {
-      Error::bad_input("frame " + std::to_string(frame) + " of camera \"" + camera + "\" " +
-                           std::string(kRottenFrameText),
-                       path.string(), "Run `raystage verify` on the take, then `raystage repair`"),
-      frame};
-}
-
-}  // namespace
-
 FrameBytes ArchiveReader::jpeg(int frame) const {
   if (std::optional<FrameBytes> bytes = intact_jpeg(frame)) return *std::move(bytes);
-  throw rotten_frame(frame, description().camera_id, state_->path);
+  throw state_->rotten_frame(frame);
 }
 
 FrameBytes ArchiveReader::stored(int frame) const {
   if (std::optional<FrameBytes> bytes = intact_stored(frame)) return *std::move(bytes);
-  throw rotten_frame(frame, description().camera_id, state_->path);
+  throw state_->rotten_frame(frame);
 }
 
 std::optional<FrameBytes> ArchiveReader::intact_stored(int frame) const {
@@ -409,7 +314,7 @@ void ArchiveReader::set_take(const TakeArchives& take, int camera) {
 
 DeepPicture ArchiveReader::picture(int frame) const {
   if (std::optional<DeepPicture> picture = state_->read_picture(frame)) return *std::move(picture);
-  throw rotten_frame(frame, description().camera_id, state_->path);
+  throw state_->rotten_frame(frame);
 }
 
 const std::optional<schemas::PixelEncoding>& ArchiveReader::pixel_encoding() const {
@@ -456,8 +361,8 @@ void ArchiveReader::read_ahead(int frame) const {
 
 bool ArchiveReader::is_rotten(int frame) const {
   if (state_->remote) return state_->remote->jpeg(frame).size() == 0;
-  const bool is_known = state_->integrity[frame] == State::Integrity::kIntact &&
-                        !is_temporal(state_->index.description.codec);
+  const bool is_known =
+      state_->is_known_intact(frame) && !is_temporal(state_->index.description.codec);
   return !is_known && state_->is_rotten(frame);
 }
 
@@ -465,7 +370,15 @@ bool ArchiveReader::verify_frame(int frame) const {
   return state_->has_recorded_hash(frame, state_->remote ? stored(frame) : state_->read(frame));
 }
 
+namespace {
+
+/// Returns whether stored frames have other bytes than the JPEGs that they were made from.
+bool is_repacked(FrameCodec codec) { return codec == FrameCodec::kPacked || is_temporal(codec); }
+
+}  // namespace
+
 std::uint64_t ArchiveReader::jpeg_xxh3(int frame) const {
+  if (state_->is_lost(frame) && is_repacked(description().codec)) return 0;
   const auto packed = state_->remote ? std::nullopt : state_->packed_fixity(frame);
   return packed ? packed->xxh3 : state_->record(frame).xxh3;
 }

@@ -133,6 +133,13 @@ ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
                            archive.string(), "Begin a new recording");
   }
   Found found = examine_files(archive, journal, description, header);
+  if (found.header_is_whole && !found.index.lost.empty()) {
+    throw Error::bad_input("the archive is shorter than when it was closed: " +
+                               std::to_string(found.index.lost.size()) + " frames are lost",
+                           archive.string(),
+                           "Run `raystage repair --from COPY` on the take, or `raystage repair` to "
+                           "go on without them");
+  }
   files->archive_end = header.bytes.size();
   for (const FrameRecord& frame : found.index.frames) {
     files->cues.push_back({frame.time_ns, frame.offset - matroska::kClusterHeaderBytes});

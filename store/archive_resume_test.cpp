@@ -19,6 +19,7 @@
 
 #include "base/error.h"
 #include "store/journal.h"
+#include "store/lost_frames.h"
 #include "store/matroska.h"
 #include "testing/store/archive_test_data.h"
 #include "testing/test_folder.h"
@@ -209,6 +210,24 @@ TEST_F(Resume, EveryStepOfClosingAndOpeningAgainIsReadable) {
   }
 }
 
+TEST_F(Resume, AClosedArchiveThatHasLostItsEndIsRefused) {
+  {
+    ArchiveWriter out = writer();
+    for (std::size_t i = 0; i < 3; ++i) out.append(jpeg(i), time(i), origin(i));
+  }
+  std::filesystem::resize_file(mkv, reader().frames()[2].offset);
+  const auto before = std::pair(bytes_of(mkv), bytes_of(journal));
+  try {
+    resume();
+    ADD_FAILURE() << "the records of lost frames would be gone";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("1 frames are lost"));
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("raystage repair --from COPY"));
+  }
+  EXPECT_EQ(std::pair(bytes_of(mkv), bytes_of(journal)), before);
+}
+
 // Archives of the first version have no space for the frame rate in their header.
 TEST_F(Resume, AnArchiveWithoutSpaceForItsRateStaysAsItIs) {
   const auto old_archive = [&](std::size_t frames) {
@@ -264,7 +283,10 @@ TEST_F(Resume, ATornTailIsCutAndUnlistedFramesAreListed) {
         const auto a = folder.path() / "cut.mkv", b = folder.path() / "cut.journal";
         testing::overwrite(a, std::span(archive).first(cut));
         testing::overwrite(b, std::span(lines).first(lines.size() - lost));
-        const auto before = ArchiveReader(a, b).frames().size();
+        const ArchiveReader cut_archive(a, b);
+        const auto before = static_cast<std::size_t>(std::ranges::count_if(
+            cut_archive.frames(),
+            [&](const FrameRecord& frame) { return !is_lost(cut_archive, frame); }));
         ArchiveWriter::resume(a, b, description()).append(jpeg(9), time(9), origin(9));
         const ArchiveReader in(a, b);
         EXPECT_TRUE(in.was_closed());

@@ -296,6 +296,65 @@ TEST_F(Archive, AFrameThatIsCutOffIsRefused) {
   EXPECT_THROW(in.verify_frame(1), Error);
 }
 
+TEST_F(Archive, FramesLostWithTheEndOfAClosedArchiveAreRotten) {
+  {
+    ArchiveWriter out = writer();
+    out.append(fake_jpeg(1), 1);
+    out.append_missing(FrameStatus::kTorn, 2);
+    out.append(fake_jpeg(2), 2);
+    out.append(fake_jpeg(3), 3);
+    out.close();
+  }
+  const ArchiveReader whole = reader();
+  std::filesystem::resize_file(mkv, whole.frames()[1].offset + 5);
+  const ArchiveReader in = reader();
+  EXPECT_FALSE(in.was_closed());
+  EXPECT_TRUE(std::ranges::equal(in.records(), whole.records()));
+  EXPECT_TRUE(std::ranges::equal(in.frames(), whole.frames()));
+  EXPECT_FALSE(in.is_rotten(0));
+  for (const int frame : {1, 2}) {
+    EXPECT_TRUE(in.is_rotten(frame));
+    EXPECT_FALSE(in.intact_jpeg(frame) || in.intact_stored(frame) || in.is_packed(frame));
+    EXPECT_EQ(in.jpeg_xxh3(frame), whole.frames()[static_cast<std::size_t>(frame)].xxh3);
+    EXPECT_THROW(in.stored(frame), RottenFrame);
+    const Error error = error_of([&] { in.jpeg(frame); });
+    EXPECT_THAT(error.what(), HasSubstr("the archive ends before it"));
+    EXPECT_THAT(error.what(), HasSubstr("raystage verify"));
+  }
+}
+
+// The hash of the JPEG in a packed frame is in the frame itself.
+TEST_F(Archive, LostPackedFramesHaveNoHashOfTheirJpeg) {
+  ArchiveWriter::Description packed = description();
+  packed.codec = FrameCodec::kPacked;
+  {
+    ArchiveWriter out(mkv, journal, packed);
+    for (unsigned i = 1; i <= 2; ++i) out.append(fake_jpeg(i), i);
+    out.close();
+  }
+  std::filesystem::resize_file(mkv, reader().frames()[1].offset + 5);
+  const ArchiveReader in = reader();
+  ASSERT_EQ(in.frames().size(), 2U);
+  EXPECT_NE(in.jpeg_xxh3(0), 0U);
+  EXPECT_EQ(in.jpeg_xxh3(1), 0U);
+  EXPECT_EQ(in.recorded_xxh3(1), 0U);
+}
+
+// A copy of no bytes, and others that end before the Segment's size.
+TEST_F(Archive, NothingIsLeftOfAnArchive) {
+  {
+    ArchiveWriter out = writer();
+    for (unsigned i = 1; i <= 3; ++i) out.append(fake_jpeg(i), i);
+    out.close();
+  }
+  for (const std::uintmax_t size : {40, 10, 0}) {
+    std::filesystem::resize_file(mkv, size);
+    const ArchiveReader in = reader();
+    ASSERT_EQ(in.frames().size(), 3U) << size;
+    EXPECT_TRUE(in.is_rotten(0) && in.is_rotten(2));
+  }
+}
+
 TEST_F(Archive, UnwrittenTailOfACrashIsTorn) {
   ArchiveWriter out = writer();
   for (unsigned i = 1; i <= 4; ++i) out.append(fake_jpeg(i), i);

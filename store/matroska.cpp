@@ -354,6 +354,7 @@ Preamble read_preamble(Bytes file, std::string_view name) {
                            "Restore the archive from a copy");
   }
   Preamble preamble;
+  preamble.is_cut = true;  // a recorder writes the whole header before it lists a frame
   const auto head = ebml::read_whole_element(file, 0);
   if (!head) return preamble;
   const auto segment = ebml::read_element(file, head->end());
@@ -363,7 +364,9 @@ Preamble read_preamble(Bytes file, std::string_view name) {
                            std::string(name) + " @" + std::to_string(head->end()),
                            "Restore the archive from a copy");
   }
-  preamble.closed = !segment->unknown_size && segment->size <= file.size() - segment->data_offset;
+  const bool has_size = !segment->unknown_size;
+  preamble.closed = has_size && segment->size <= file.size() - segment->data_offset;
+  preamble.is_cut = has_size && !preamble.closed;
   auto element = ebml::read_element(file, segment->data_offset);
   while (element) {
     if (element->id == kCluster || element->id == kCues) {

@@ -87,6 +87,8 @@ struct Preamble {
   ArchiveWriter::Description description;
   std::optional<std::size_t> first_cluster;
   bool closed = false;  ///< the Segment has its size and the file is no shorter
+  /// The Segment has its size, but the file is shorter; or the file ends before the Segment's size.
+  bool is_cut = false;
 };
 /// Returns the contents of the header. Throws Error (bad input) if the bytes are not a Matroska
 /// file or have another time scale.

@@ -86,6 +86,12 @@ ArchiveReader Take::State::open(std::size_t camera) const {
       return std::move(*elsewhere);
     }
   }
+  if (!exists(ContainedPath{folder, entry.archive})) {
+    throw Error::bad_input("the archive of camera \"" + entry.id + "\" is missing",
+                           (folder / entry.archive).string(),
+                           "Restore it from a copy of the take; `raystage render "
+                           "--missing-archives absent` leaves the camera out");
+  }
   ArchiveReader reader(ContainedPath{folder, entry.archive}, ContainedPath{folder, entry.journal},
                        buffers, unpacked);
   // An archive truncated within its header has neither id nor frames to check.

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "schemas/rig_document.h"
 #include "store/jpeg/layout.h"
+#include "store/lost_frames.h"
 #include "store/recordings.h"
 #include "store/temporal/temporal_frame.h"
 #include "store/tick_phase.h"
@@ -37,7 +38,9 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
   result.pixels = take.document().cameras[camera].pixels;
   try {
     const ArchiveReader& archive = take.archive(camera);
-    result.frames = static_cast<int>(archive.frames().size());
+    result.lost = static_cast<int>(std::ranges::count_if(
+        archive.frames(), [&](const FrameRecord& frame) { return is_lost(archive, frame); }));
+    result.frames = static_cast<int>(archive.frames().size()) - result.lost;
     for (const FrameRecord& record : archive.records()) {
       ++result.by_status.at(static_cast<std::size_t>(record.status));
       result.unverified += record.is_unverified ? 1 : 0;
@@ -47,7 +50,7 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
     result.closed = archive.was_closed();
     result.bytes = archive.bytes();
     result.packed = archive.description().codec == FrameCodec::kPacked;
-    for (int frame = 0; result.packed && frame < result.frames; ++frame) {
+    for (int frame = 0; result.packed && frame < result.frames + result.lost; ++frame) {
       result.packed_frames += archive.is_packed(frame) ? 1 : 0;
     }
     if (is_temporal(archive.description().codec)) {
@@ -167,6 +170,10 @@ TakeSummary summarise_take(const Take& take) {
   summary.lenses = rig::summarise_lenses(take.rig());
   summary.min_alias_free_distance =
       min_alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));
+  if (!summary.is_readable()) {
+    summary.timeline_error = "not checked, because an archive cannot be read";
+    return summary;
+  }
   try {
     const Timeline timeline = read_timeline(take);
     summary.timeline = {timeline.fps, static_cast<int>(timeline.ticks.size()),

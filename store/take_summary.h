@@ -20,10 +20,11 @@ struct TakeSummary {
   struct Camera {
     std::string id;
     int width = 0, height = 0;  ///< pixels
-    int frames = 0;             ///< stored
-    std::array<int, kFrameStatusCount> by_status{};
-    int recovered = 0, damaged_records = 0;  ///< see ArchiveReader
-    int unverified = 0;                      ///< see FrameRecord::is_unverified
+    int frames = 0;             ///< in the archive
+    int lost = 0;  ///< stored frames that the archive lost with its end after it had been closed
+    std::array<int, kFrameStatusCount> by_status{};  ///< with the lost ones as stored
+    int recovered = 0, damaged_records = 0;          ///< see ArchiveReader
+    int unverified = 0;                              ///< see FrameRecord::is_unverified
     bool closed = false;
     std::uint64_t bytes = 0;  ///< of the archive
     bool packed = false;      ///< see FrameCodec

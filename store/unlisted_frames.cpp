@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/posix_file.h"
 #include "store/journal.h"
+#include "store/lost_frames.h"
 #include "store/stored_frames.h"
 
 namespace raystage::store {
@@ -45,6 +46,12 @@ CopyRecords read_copy_records(const ArchiveFiles& files) {
   copy.records.assign(reader.records().begin(), reader.records().end());
   for (std::size_t i = 0; i < copy.records.size(); ++i) {
     FrameRecord& record = copy.records[i];
+    if (record.status == FrameStatus::kStored && is_lost(reader, record)) {
+      record = {.time_ns = record.time_ns,  // as a resumed recording has it
+                .status = FrameStatus::kTorn,
+                .arrival_ns = record.arrival_ns,
+                .sequence = record.sequence};
+    }
     const bool is_stored = record.status == FrameStatus::kStored;
     if (!is_stored || record.xxh3 != 0) {
       copy.listed = i + 1;

@@ -47,19 +47,21 @@ bool uses_every_frame(const Timeline& timeline, std::size_t frames, std::size_t 
 
 std::optional<Timeline> timeline_without_sync(const Take& take) {
   if (take.are_archives_unknown()) return std::nullopt;
-  std::vector<std::vector<Nanoseconds>> times;
+  std::vector<std::vector<Nanoseconds>> times, of_present;
   std::size_t most = 0;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
-    if (take.is_missing(camera)) return std::nullopt;
     std::vector<Nanoseconds>& of_camera = times.emplace_back();
     for (const auto& frame : take.archive(camera).frames()) of_camera.push_back(frame.time_ns);
     most = std::max(most, of_camera.size());
+    if (!take.is_missing(camera)) of_present.push_back(of_camera);
   }
   if (most == 0) return std::nullopt;
   if (most == 1) return instant_of(take, times);
-  if (std::ranges::adjacent_find(times, std::not_equal_to<>()) != times.end()) return std::nullopt;
+  if (std::ranges::adjacent_find(of_present, std::not_equal_to<>()) != of_present.end()) {
+    return std::nullopt;
+  }
   Timeline timeline = build_timeline(take, 0, 0);
-  if (!uses_every_frame(timeline, most, times.size())) return std::nullopt;
+  if (!uses_every_frame(timeline, most, of_present.size())) return std::nullopt;
   return timeline;
 }
 

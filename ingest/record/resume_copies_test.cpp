@@ -98,6 +98,15 @@ class ResumeCopies : public ::testing::Test {
   schemas::TakeDocument document = testing::take_document(1);
 };
 
+TEST_F(ResumeCopies, AClosedCopyThatHasLostItsEndIsRefused) {
+  record(take, 12, false);
+  record(mirror, 12, false);
+  resume_both();
+  const fs::path cut = mirror / "archive/c0.mkv";
+  fs::resize_file(cut, fs::file_size(cut) / 2);
+  expect_refused("the records of camera \"c0\"");
+}
+
 TEST_F(ResumeCopies, RecordsThatACrashPreventedAreThoseOfTheOtherCopy) {
   for (const bool with_missing : {false, true}) {
     for (const unsigned ahead : {0U, 2U}) {

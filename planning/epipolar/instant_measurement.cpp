@@ -62,7 +62,11 @@ InstantMeasurement::InstantMeasurement(const store::Take& take,
   store::FrameCache cache(take, kCacheBytes, store::BlendSpace::kPerceptual);
   for (std::size_t i = 0; i < rig_.cameras.size(); ++i) {
     pinholes_.push_back(render::undistorted(rig_.cameras[i].model, rig_.cameras[i].pose));
-    if (instant.frame[i] >= 0) present_.push_back(static_cast<int>(i));
+    const auto camera = static_cast<int>(i);
+    const int frame_of_camera = instant.frame[i];
+    if (frame_of_camera >= 0 && !take.archive(camera).is_rotten(frame_of_camera)) {
+      present_.push_back(camera);
+    }
   }
   parallel_for(std::size_t{0}, present_.size(), [&](std::size_t i) {
     const auto camera = static_cast<std::size_t>(present_[i]);

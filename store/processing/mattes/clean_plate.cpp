@@ -130,19 +130,23 @@ CleanPlate CleanPlate::fitted(const Image<float, 3>& rgb, const ColorDifferenceK
 }
 
 CleanPlate CleanPlate::recorded(const Take& clean_plate_take, int camera) {
-  const int count = static_cast<int>(clean_plate_take.archive(camera).frames().size());
-  if (count == 0) {
-    throw Error::bad_input("the empty take has no frame of this camera",
+  const ArchiveReader& archive = clean_plate_take.archive(camera);
+  std::vector<int> used;
+  for (int frame = 0; frame < static_cast<int>(archive.frames().size()); ++frame) {
+    if (!archive.is_rotten(frame)) used.push_back(frame);
+    if (used.size() == kMaxCleanPlateFrames) break;
+  }
+  if (used.empty()) {
+    throw Error::bad_input("the empty take has no intact frame of this camera",
                            clean_plate_take.document().cameras[camera].id,
                            "Record the empty take again, or exclude the camera");
   }
-  const int used = std::min(count, kMaxCleanPlateFrames);
   Image<float, 3> mean;
-  for (int frame = 0; frame < used; ++frame) {
+  for (const int frame : used) {
     const Image<float, 3> light = linear_frame(clean_plate_take, camera, frame);
-    if (frame == 0) mean = Image<float, 3>(light.width, light.height);
+    if (frame == used.front()) mean = Image<float, 3>(light.width, light.height);
     for (std::size_t i = 0; i < mean.values.size(); ++i) {
-      mean.values[i] += light.values[i] / static_cast<float>(used);
+      mean.values[i] += light.values[i] / static_cast<float>(used.size());
     }
   }
   const float most = std::max(1e-6F, *std::ranges::max_element(mean.values));

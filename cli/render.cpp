@@ -7,12 +7,11 @@ namespace raystage::cli {
 namespace {
 
 void check_alone(const RenderOptions& options) {
-  if (options.take_folders.empty() && !options.missing_archives && options.fragments.empty() &&
-      options.jpeg_quality == 0) {
+  if (options.take_folders.empty() && options.fragments.empty() && options.jpeg_quality == 0) {
     return;
   }
   throw Error::bad_input("options for several hosts were given to a single process",
-                         "--take-folder, --missing-archives, --fragments, --fragment-quality",
+                         "--take-folder, --fragments, --fragment-quality",
                          "Use `mpirun -n RANKS raystage render ...`, or omit these options");
 }
 

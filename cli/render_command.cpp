@@ -153,6 +153,11 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
                "most one of\neach layer");
   add_progress_option(command, options.progress);
   declare_draft_options(command, options);
+  command.choice("--missing-archives", options.missing_archives,
+                 {{"error", false}, {"absent", true}},
+                 "cameras whose archives are missing (under mpirun: that no rank has): error = "
+                 "refuse to start;\nabsent = render without them, and mark the files "
+                 "(lf:absentCameras; default: error)");
   CommandLine hosts =
       command.group("Archives on several hosts (mpirun raystage render; docs/farm.md)");
   hosts
@@ -161,9 +166,6 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
           "folder TO on a rank for takes below FROM; {rank} and {host} in TO are its number and "
           "host\nname; repeatable, the first match counts (default: the same paths on all hosts)")
       .one_argument();
-  hosts.choice("--missing-archives", options.missing_archives, {{"error", false}, {"absent", true}},
-               "cameras whose archives no rank has: error = refuse to start; absent = render "
-               "without them,\nand mark the files (default: error)");
   hosts
       .option(
           "--fragments", options.fragments,
@@ -235,6 +237,7 @@ ExitCode render(const RenderOptions& options, Progress& progress, render::Distri
   if (options.confidence) sequence.aovs.emplace_back("lf.confidence");
   sequence.deep = options.deep;
   sequence.program_version = RAYSTAGE_VERSION;
+  sequence.accepts_missing_archives = options.missing_archives;
   sequence.hosts = hosts;
   sequence.fingerprints_file = options.fingerprints;
   sequence.progress = [&](double done) { progress.report(done); };

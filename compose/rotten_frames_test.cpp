@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stored frames that are not as they were recorded: their cameras are absent, and the files say so.
+#include <OpenEXR/ImfInputFile.h>
+#include <OpenEXR/ImfStringVectorAttribute.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -16,10 +19,12 @@
 namespace raystage::compose::rotten_frames_test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::ThrowsMessage;
 
 constexpr int kShown = 104;  // shows tick 3
 
@@ -99,6 +104,45 @@ TEST_F(RottenFramesOfTakes, CamerasAreAbsentAndTheFileSaysSo) {
     EXPECT_THAT(rotten(kShown), IsEmpty());
     EXPECT_NE(coverage(), expected_coverage);
   }
+}
+
+// The archive is a copy that was interrupted: the timeline still fits, and frames without the lost
+// ones are as before.
+TEST_F(RottenFramesOfTakes, FramesLostWithTheEndOfAnArchiveAreRotten) {
+  ASSERT_EQ(run().exit_code(), ExitCode::kSuccess);
+  const std::string before = read_file(file(kShown - 1));
+  const store::Take take(folder_.path() / "take");
+  const int frame = store::read_timeline(take).ticks[kTick].frame[1];
+  const std::uint64_t end = take.archive(1).frames()[static_cast<std::size_t>(frame)].offset;
+  std::filesystem::resize_file(archive_, end);
+  const SequenceReport report = run();
+  EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
+  EXPECT_THAT(report.frames_with_rot, ElementsAre(kShown, kShown + 1, kShown + 2));
+  EXPECT_THAT(rotten(kShown), ElementsAre("c1"));
+  EXPECT_EQ(read_file(file(kShown - 1)), before);
+  options_.rotten_frames = store::RottenFrames::kError;
+  EXPECT_EQ(run().exit_code(), ExitCode::kSomeFramesFailed);
+}
+
+TEST_F(RottenFramesOfTakes, AMissingArchiveIsAnErrorOrItsCameraIsAbsent) {
+  std::filesystem::remove(archive_);
+  EXPECT_THAT([&] { run(); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("the archive of camera \"c1\" is missing"),
+                                         HasSubstr("--missing-archives absent"))));
+  options_.accepts_missing_archives = true;
+  const SequenceReport report = run();
+  EXPECT_EQ(report.exit_code(), ExitCode::kSuccess);
+  EXPECT_EQ(report.rendered, 6);
+  const Imf::InputFile frame(file(kShown).c_str());
+  const auto& absent =
+      frame.header().typedAttribute<Imf::StringVectorAttribute>("lf:absentCameras").value();
+  EXPECT_THAT(absent, Contains("c1"));
+  EXPECT_THAT(messages_, Contains(HasSubstr("the archives of 1 of ")));
+  for (int camera = 0; camera < testing::kCameras; ++camera) {
+    std::filesystem::remove(archive_.parent_path() / fmt::format("c{}.mkv", camera));
+  }
+  EXPECT_THAT([&] { run(); }, ThrowsMessage<Error>(HasSubstr("archives of all cameras")));
+  EXPECT_THAT(rotten(kShown), IsEmpty());
 }
 
 /// Methods whose frames are not compared above.

@@ -13,6 +13,8 @@
 #include <mutex>
 #include <new>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "base/atomic_file.h"
 #include "base/cancellation.h"
@@ -377,6 +379,7 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                  .cache_folder = options.cache_folder,
                                  .memory_bytes = options.memory_bytes,
                                  .folder = options.folder,
+                                 .accepts_missing_archives = options.accepts_missing_archives,
                                  .hosts = options.hosts});
   const ShotPlan& plan = *opened;
   if (plan.hosts() != nullptr) check_distributed_archives(plan, shot_file);
@@ -404,6 +407,25 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
   return {std::move(opened), std::move(frames), std::move(name), std::move(memory)};
 }
 
+namespace {
+
+void report_missing_archives(const ShotPlan& plan, const SequenceOptions& options) {
+  for (const LightFieldLayer* light_field : plan.light_fields()) {
+    const store::Take& take = light_field->take();
+    std::vector<std::string> missing;
+    for (int camera = 0; camera < take.camera_count(); ++camera) {
+      if (take.is_missing(camera)) missing.push_back(take.document().cameras[camera].id);
+    }
+    if (missing.empty()) continue;
+    options.on_message(fmt::format(
+        "{}: the archives of {} of {} cameras are missing: {}; they are "
+        "absent from all frames",
+        take.folder().string(), missing.size(), take.camera_count(), fmt::join(missing, ", ")));
+  }
+}
+
+}  // namespace
+
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop) {
   // Processes on several hosts exchange data in their loops and must end together.
@@ -426,6 +448,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
                              format_byte_size(memory.working));
   }
   options.on_message(plan_text);
+  if (options.hosts == nullptr) report_missing_archives(plan, options);  // otherwise ranks did
   if (!memory.note.empty()) options.on_message(memory.note);
   options.progress(0);
   return SequenceRun(plan, checked.name, checked.frames, compositor, options, std::move(stop))

@@ -48,6 +48,7 @@ struct SequenceOptions {
   bool deep = false;
   std::filesystem::path cache_folder;         ///< as ShotPlanOptions
   std::filesystem::path folder;               ///< as ShotPlanOptions
+  bool accepts_missing_archives = false;      ///< as ShotPlanOptions
   render::DistributedTakes* hosts = nullptr;  ///< as ShotPlanOptions
   /// If not empty: a text file that gets a line "FRAME FINGERPRINT" for each requested frame,
   /// before the first one is rendered.

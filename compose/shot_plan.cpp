@@ -14,6 +14,7 @@
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/solid_layer.h"
 #include "compose/plate_layer.h"
+#include "store/absent_archives.h"
 
 namespace raystage::compose {
 namespace {
@@ -126,6 +127,16 @@ std::unique_ptr<const Layer> ShotPlan::open_layer(std::size_t layer,
   return open_light_field(layer, options);
 }
 
+namespace {
+
+store::Take open_take(const std::filesystem::path& folder, const ShotPlanOptions& options) {
+  if (options.hosts != nullptr) return options.hosts->open(folder);
+  if (!options.accepts_missing_archives) return store::Take(folder);
+  return store::Take(folder, store::make_absent_archives(folder));
+}
+
+}  // namespace
+
 std::unique_ptr<const Layer> ShotPlan::open_light_field(std::size_t layer,
                                                         const ShotPlanOptions& options) {
   // A target is for views only; lights and equirectangular views need rays.
@@ -135,10 +146,10 @@ std::unique_ptr<const Layer> ShotPlan::open_light_field(std::size_t layer,
                            shot_file_.string() + "#/camera/projection", "State a method")
         .concerning({"target_error", "target_time"});
   }
-  auto opened =
-      std::make_unique<const LightFieldLayer>(shot_, layer, shot_file_, folder_, options.fill,
-                                              needs_rays ? schemas::OptionValues{} : options.target,
-                                              options.hosts, options.draft.camera_step);
+  auto opened = std::make_unique<const LightFieldLayer>(
+      shot_, layer, shot_file_, folder_,
+      open_take((folder_ / shot_.layers[layer].take).lexically_normal(), options), options.fill,
+      needs_rays ? schemas::OptionValues{} : options.target, options.draft.camera_step);
   if (needs_rays) render::check_ray_query_support(opened->reconstruction());
   return opened;
 }

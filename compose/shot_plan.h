@@ -73,6 +73,8 @@ struct ShotPlanOptions {
   std::size_t memory_bytes = 0;  ///< that the shot may need; 0: half of the machine's
   /// Folder that paths in the shot are relative to; empty: that of the shot file.
   std::filesystem::path folder = {};
+  /// Whether a camera whose archive is missing counts as absent; otherwise it is an error.
+  bool accepts_missing_archives = false;
   /// Access to archives on other hosts; null: each take's folder holds them. Referred to.
   render::DistributedTakes* hosts = nullptr;
 };

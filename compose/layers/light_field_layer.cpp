@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/atomic_file.h"
 #include "base/cancellation.h"
@@ -279,18 +280,16 @@ class TakeRenderer final : public LayerRenderer {
 
 LightFieldLayer::LightFieldLayer(const schemas::ShotDocument& shot, std::size_t index,
                                  const std::filesystem::path& shot_file,
-                                 const std::filesystem::path& folder,
+                                 const std::filesystem::path& folder, store::Take take,
                                  std::optional<schemas::HoleFill> fill,
-                                 const schemas::OptionValues& target,
-                                 render::DistributedTakes* hosts, int camera_step)
+                                 const schemas::OptionValues& target, int camera_step)
     : index_(index),
       shot_file_(shot_file),
       layer_(shot.layers[index]),
       first_frame_(shot.first_frame),
       fps_numerator_(shot.fps_numerator),
       fps_denominator_(shot.fps_denominator),
-      take_(hosts == nullptr ? store::Take((folder / layer_.take).lexically_normal())
-                             : hosts->open((folder / layer_.take).lexically_normal())),
+      take_(std::move(take)),
       timeline_(store::read_timeline(take_)),
       reconstruction_(
           reconstruction_of(layer_, take_, pointer_of(shot_file, index), fill, target)) {

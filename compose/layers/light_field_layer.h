@@ -29,15 +29,15 @@ namespace raystage::compose {
 /// A light field in a shot: opens the take and checks what can be checked before rendering.
 class LightFieldLayer final : public Layer {
  public:
-  /// Opens and checks the take. `index`: of the shot's layers. `shot_file`: named by errors.
+  /// Checks the take of a layer. `index`: of the shot's layers. `shot_file`: named by errors.
   /// `folder`: what paths are relative to. `fill`: replaces that of the layer. `target`: if not
-  /// empty, the method `auto` with these options replaces that of the layer. `hosts`: as
-  /// ShotPlanOptions. Throws Error (bad input) if take, timeline or an archive is missing or wrong,
-  /// the method unknown, or the focal plane is `best` without a depth range.
+  /// empty, the method `auto` with these options replaces that of the layer. Throws Error (bad
+  /// input) if take, timeline or an archive is missing or wrong, the method unknown, or the focal
+  /// plane is `best` without a depth range.
   LightFieldLayer(const schemas::ShotDocument& shot, std::size_t index,
                   const std::filesystem::path& shot_file, const std::filesystem::path& folder,
-                  std::optional<schemas::HoleFill> fill, const schemas::OptionValues& target,
-                  render::DistributedTakes* hosts, int camera_step = 1);
+                  store::Take take, std::optional<schemas::HoleFill> fill,
+                  const schemas::OptionValues& target, int camera_step = 1);
 
   std::size_t index() const { return index_; }
   const store::Take& take() const { return take_; }

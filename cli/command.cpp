@@ -98,7 +98,7 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
     code = static_cast<int>(body(watch.token()));
     if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
       throw Error::from_errno("the result cannot be written", "standard output",
-                              "Check the free space of the output disk");
+                              "Check the output disk's free space, or what reads the output");
     }
   } catch (const Cancelled&) {
     code = static_cast<int>(ExitCode::kFailed);

@@ -111,10 +111,11 @@ exports::FrameChoiceOptions frame_choice(const ExportOptions& options) {
 
 void print_report(const exports::ExportReport& report, const std::string& output,
                   const std::string& what) {
-  int absent = 0, held = 0, clipped = 0;
+  int absent = 0, held = 0, black = 0, clipped = 0;
   for (const exports::ExportReport::Camera& camera : report.cameras) {
     absent += camera.absent;
     held += camera.held;
+    black += camera.black;
     clipped += camera.clipped;
   }
   for (const std::string& note : report.notes) print_error("note: {}\n", note);
@@ -136,8 +137,11 @@ void print_report(const exports::ExportReport& report, const std::string& output
       }
       list += fmt::format("{}{} {}", list.empty() ? "" : ", ", camera.id, camera.absent);
     }
-    print_error("note: {} frames are absent ({}); {}\n", absent, list,
-                held > 0 ? "others stand for them" : "nothing stands for them");
+    const char* const replacement = held > 0 && black > 0 ? "others or black stand for them"
+                                    : held > 0            ? "others stand for them"
+                                    : black > 0           ? "black stands for them"
+                                                          : "nothing stands for them";
+    print_error("note: {} frames are absent ({}); {}\n", absent, list, replacement);
   }
   if (report.rotten() > 0) {
     print_error(

@@ -36,6 +36,10 @@ ExitCode export_quilt_of(QuiltCommand& command, const std::stop_token& stop) {
       print_error("note: {} frames show the nearest instant of a take that lacks theirs\n",
                   report.held);
     }
+    if (report.black > 0) {
+      print_error("note: {} frames have black views, because a camera of the row has no frame\n",
+                  report.black);
+    }
     if (report.rotten > 0) {
       print_error(
           "warning: {} frames lack cameras whose stored frames are not as they were "

@@ -50,6 +50,8 @@ TEST_F(ExportTakes, MoviesSayWhatTheyLack) {
               AllOf(HasSubstr("n: 3 cameras, 48 frames, ffv1, constant times, 30 frames/s\n"),
                     HasSubstr("are absent (c1 "), HasSubstr("others stand for them")));
   EXPECT_TRUE(exists("n/c0.mkv"));
+  const auto black = exported("movies take -o b -q --times constant --codec ffv1 --absent black");
+  EXPECT_THAT(black.output, HasSubstr("black stands for them"));
 }
 
 TEST_F(ExportTakes, EveryFormHasACommand) {
@@ -184,7 +186,7 @@ TEST_F(ExportTakes, WhatIsWrongIsNamedWithItsOption) {
   expect_usage_error("movies none -o m", "none");
   expect_usage_error("mosaic take -o m.webm", "Use .mp4");
   expect_usage_error("mosaic take -o m.mp4 --codec copy", "--codec");
-  expect_usage_error("quilt take -o q.gif", "Use .mp4");
+  expect_usage_error("quilt take -o q.gif", "allowed: .png for pictures, .mp4");
   expect_usage_error("multiview take -o m.mov", ".mkv");
   expect_usage_error("model take -o m --format google", "--format");
   EXPECT_THAT(data.names(), ElementsAre("take"));

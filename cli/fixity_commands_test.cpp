@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage verify and raystage repair as an archivist runs them.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -16,6 +17,7 @@
 #include "testing/store/sparse_take.h"
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
+#include "testing/test_permissions.h"
 
 namespace raystage::cli {
 namespace {
@@ -23,6 +25,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 struct FixityCommands : ::testing::Test {
   FixityCommands() {
@@ -64,6 +67,21 @@ TEST_F(FixityCommands, AnEventSaysThatTheManifestDiffers) {
   EXPECT_EQ(run("verify -q --manifest check " + quoted).exit_code, 1);
   const std::string events = read_file(take / "events.jsonl");
   EXPECT_THAT(events, HasSubstr("3 of 3 cameras intact; files or the signature are not as"));
+}
+
+TEST_F(FixityCommands, AnIntactTakeNeedNotBeWritable) {
+  namespace fs = std::filesystem;
+  for (const auto& entry : fs::recursive_directory_iterator(folder.path())) {
+    fs::permissions(entry, fs::perms::others_read | fs::perms::others_exec, fs::perm_options::add);
+  }
+  fs::permissions(folder.path(), fs::perms(0755));
+  const std::string result = testing::run_unprivileged([&] {
+    const testing::CommandResult repaired = run("repair -q " + quoted);
+    return fmt::format("{} {}", repaired.exit_code, repaired.output);
+  });
+  if (result.starts_with("126") || result.starts_with("127")) GTEST_SKIP() << result;
+  EXPECT_THAT(result, StartsWith("0 "));
+  EXPECT_THAT(result, HasSubstr("3 of 3 cameras were intact"));
 }
 
 TEST_F(FixityCommands, AWholeTake) {

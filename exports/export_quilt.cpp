@@ -229,10 +229,25 @@ compose::CameraState moved_state(const compose::CameraState& state, double offse
                                    offset < 0 ? compose::Eye::kLeft : compose::Eye::kRight);
 }
 
+namespace {
+
+void require_movie_extension(const QuiltExportOptions& options) {
+  const std::vector<std::string> known = options.codec->extensions();
+  const std::string extension = options.output.extension().string();
+  if (std::ranges::find(known, extension) != known.end()) return;
+  throw Error::bad_input(
+      fmt::format("the extension is \"{}\"; allowed: .png for pictures, {} for movies of the codec "
+                  "{}",
+                  extension, fmt::join(known, ", "), options.codec->name()),
+      options.output.string(), "Change the name");
+}
+
+}  // namespace
+
 QuiltReport export_quilt(const QuiltExportOptions& given, const std::stop_token& stop) {
   require_valid(given, given.input.string());
   const bool is_movie = given.output.extension() != ".png";
-  if (is_movie) movie_extension(*given.codec, given.output);
+  if (is_movie) require_movie_extension(given);
   const OpenedShot opened = open_shot(given);
   const QuiltExportOptions options = with_views_of_row(given, opened.take);
   const std::vector<int> frames = frames_of(options, opened.shot, is_movie);

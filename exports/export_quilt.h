@@ -47,6 +47,7 @@ struct QuiltReport {
   std::string files;  ///< path or pattern of what was written
   int frames = 0, views = 0;
   int held = 0;               ///< frames for which a take shows its nearest instant
+  int black = 0;              ///< frames with black views: a camera of the row has no frame
   int width = 0, height = 0;  ///< of the quilt, pixels
   double screen_m = 0, baseline_m = 0;
   double least_covered_share = 1;  ///< of a view's pixels that cameras saw, the least of all views

@@ -20,7 +20,8 @@ struct ExportReport {
   struct Camera {
     std::string id;
     int frames = 0;   ///< written
-    int held = 0;     ///< of these, frames that stand for absent ones
+    int held = 0;     ///< of these, earlier or later frames that stand for absent ones
+    int black = 0;    ///< of `frames`, black ones that stand for absent ones
     int absent = 0;   ///< as CameraFrames::absent
     int rotten = 0;   ///< stored frames that are not as they were recorded (XXH3): absent
     int clipped = 0;  ///< of `frames`, those of more than 8 bits, written with 8, clipped at white

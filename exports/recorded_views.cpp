@@ -46,6 +46,7 @@ class RecordedViews : public QuiltViews {
     report.screen_m = screen_m_.value_or(state_.focus_m.value_or(kScreenWithoutFocus));
     report.baseline_m = offset(static_cast<int>(sources_.size()) - 1) - offset(0);
     held_before_ = count(&ExportReport::Camera::held);
+    black_before_ = count(&ExportReport::Camera::black);
     rotten_before_ = count(&ExportReport::Camera::rotten);
   }
 
@@ -78,6 +79,7 @@ class RecordedViews : public QuiltViews {
 
   void end(QuiltReport& report) override {
     report.held += count(&ExportReport::Camera::held) > held_before_ ? 1 : 0;
+    report.black += count(&ExportReport::Camera::black) > black_before_ ? 1 : 0;
     report.rotten += count(&ExportReport::Camera::rotten) > rotten_before_ ? 1 : 0;
   }
 
@@ -100,7 +102,7 @@ class RecordedViews : public QuiltViews {
   FrameChoice choice_;
   std::vector<std::unique_ptr<SourceFrames>> sources_;
   compose::CameraState state_;
-  int held_before_ = 0, rotten_before_ = 0;
+  int held_before_ = 0, black_before_ = 0, rotten_before_ = 0;
 };
 
 }  // namespace

@@ -78,7 +78,7 @@ std::optional<SourceFrames::Ready> SourceFrames::next() {
     ChosenFrame frame = frames_.frames[position_++];
     if (!load(frame)) continue;
     ++counts_.frames;
-    if (frame.is_held) ++counts_.held;
+    if (frame.is_held) ++(frame.source < 0 ? counts_.black : counts_.held);
     const bool is_deep = has_deep_pictures_ && loaded_ >= 0;
     if (is_deep) return Ready{{}, frame, &deep_};
     return Ready{bytes_, frame};

@@ -430,10 +430,33 @@ void check_bag_info(const std::vector<BagInfo::Element>& elements) {
   }
 }
 
+namespace {
+
+/// Throws Error (bad input) if `text` does not have the form of a URI (RFC 3986): a scheme, a
+/// colon, and text without blanks.
+void check_identifier(std::string_view text) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const auto is_of_scheme = [&](char c) {
+    return is_letter(c) || (c >= '0' && c <= '9') || c == '+' || c == '-' || c == '.';
+  };
+  const std::size_t colon = text.find(':');
+  const bool has_scheme = colon != std::string_view::npos && is_letter(text.front()) &&
+                          std::ranges::all_of(text.substr(0, colon), is_of_scheme);
+  if (has_scheme && colon + 1 < text.size() && text.find(' ') == std::string_view::npos) return;
+  throw Error::bad_input(fmt::format("the identifier \"{}\" is no URI", text), "",
+                         "Write for example urn:uuid:..., ark:/12345/x or https://...")
+      .concerning({"identifier"});
+}
+
+}  // namespace
+
 BagWriteReport write_bag(const Take& take, const fs::path& folder, const BagOptions& options) {
   take.check_not_inside(folder);
   check_bag_info(options.info);
-  if (!options.identifier.empty()) check_bag_info({{"Identifier", options.identifier}});
+  if (!options.identifier.empty()) {
+    check_bag_info({{"Identifier", options.identifier}});
+    check_identifier(options.identifier);
+  }
   return BagWriter(take, folder, options).run();
 }
 

@@ -177,6 +177,16 @@ TEST_F(WriteBagTest, StoppingLeavesNothing) {
   EXPECT_EQ(entries_of(folder_.path()), before);
 }
 
+TEST_F(WriteBagTest, IdentifiersAreUris) {
+  for (const char* bad : {"shot 12", "no colon", "1x:a", "urn:", ":a", "urn:a b"}) {
+    options_.identifier = bad;
+    EXPECT_THROW(write(), Error) << bad;
+  }
+  EXPECT_FALSE(fs::exists(path("bag")));
+  options_.identifier = "ark:/12345/x?form=av1";
+  EXPECT_EQ(write().identifier, options_.identifier);
+}
+
 TEST(BagInfoElements, MustFitOnALine) {
   EXPECT_NO_THROW(check_bag_info({{"Contact-Name", "A: B"}}));
   for (const BagInfo::Element& bad : std::vector<BagInfo::Element>{{"", "a"},

@@ -103,6 +103,12 @@ class Checker {
                              "Name the folder that holds the takes");
     }
     if (!options.only_reports) {
+      if (file_exists(fs::absolute(file_).parent_path() / "take.json")) {
+        throw Error::bad_input("the catalogue would be written into a take", file_.string(),
+                               "Name the folder that holds the takes, or a file elsewhere for the "
+                               "catalogue")
+            .concerning({"catalogue_file"});
+      }
       lock_ = std::make_unique<CatalogueLock>(fs::absolute(file_));
       remove_abandoned_temporary_files(file_, lock_->is_held() ? Owners::kAll : Owners::kEnded);
     }

@@ -305,6 +305,15 @@ TEST_F(CheckTakes, AReportChangesNothing) {
   EXPECT_EQ(read_file(folder.path() / kCatalogueFile), catalogue);
 }
 
+TEST_F(CheckTakes, NoCatalogueInATake) {
+  EXPECT_THROW(check_takes_below(folder.path() / "a", options), Error);
+  EXPECT_FALSE(fs::exists(folder.path() / "a" / kCatalogueFile));
+  options.file = folder.path() / "a" / "x.json";
+  EXPECT_THROW(check_takes_below(folder.path() / "a", options), Error);
+  options.file = folder.path() / "a.json";
+  EXPECT_TRUE(check_takes_below(folder.path() / "a", options).is_good());
+}
+
 TEST_F(CheckTakes, ASecondRunIsRefused) {
   run();
   const OutputFile lock(lock_file(), OutputFile::Open::kExisting);

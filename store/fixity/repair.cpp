@@ -4,6 +4,7 @@
 #include "store/fixity/repair.h"
 
 #include <tbb/task_arena.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -47,8 +48,11 @@ class CameraRepair {
     }
     // Fails while a recorder runs, and prevents its start while this is open.
     std::optional<OutputFile> lock;
-    if (!options_.dry_run) {
-      lock.emplace(ContainedPath{folder_, pair_.archive_name});
+    const auto open_for_writing = [&] { lock.emplace(ContainedPath{folder_, pair_.archive_name}); };
+    // An intact archive stays as it is, and may be on a disk that is mounted read-only.
+    const bool is_writable = ::access(archive_path_.c_str(), W_OK) == 0;
+    if (!options_.dry_run && is_writable) {
+      open_for_writing();
       // Of repairs that were killed. Whoever writes them holds the lock, if there is one.
       const Owners owners = lock->is_locked() ? Owners::kAll : Owners::kEnded;
       for (const fs::path& file : {archive_path_, journal_path_}) {
@@ -73,6 +77,7 @@ class CameraRepair {
     }
     try {
       const bool is_intact = verify_archive(pair_, {}).is_intact();
+      if (!is_intact && !options_.dry_run && !is_writable) open_for_writing();  // throws
       if (!is_intact) result.salvage = salvage_archive(pair_);
       check_files();
       result.was_intact = is_intact;

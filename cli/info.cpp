@@ -406,8 +406,7 @@ void print_text(const store::Take& take, const store::TakeSummary& summary) {
                      static_cast<double>(statistics.max_spread) / kNsPerMs,
                      std::reduce(statistics.absent.begin(), statistics.absent.end())));
   } else {
-    const char* const advice = summary.is_readable() ? ": run `raystage sync`" : "";
-    line("Timeline", summary.timeline_error + advice);
+    line("Timeline", summary.timeline_error);
   }
 }
 

@@ -104,6 +104,9 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
   }
   for (const auto& file : report.files) print_file(file, options.dry_run);
   print("{} of {} cameras were intact and are unchanged\n", intact, report.cameras.size());
+  if (report.is_timeline_renumbered) {
+    print("The timeline keeps its ticks; the lost frames are absent from it\n");
+  }
   if (!report.renamed_timeline.empty()) {
     print("The timeline no longer matches and was renamed to {}: run `raystage sync`\n",
           report.renamed_timeline);

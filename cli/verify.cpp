@@ -70,7 +70,11 @@ void print_advice(const std::string& take, const store::TakeFixityReport& report
     }
   }
   if (damaged) {
-    print("`raystage repair {}` recovers the undamaged frames\n", take);
+    print(
+        "`raystage repair {0}` recovers what is not damaged, `raystage repair {0} --from COPY` "
+        "takes "
+        "the rest from a copy\n",
+        take);
   } else if (not_closed) {
     print(
         "`raystage record CONFIG --resume -o {0}` continues the recording, `raystage repair {0}` "

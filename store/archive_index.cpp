@@ -181,8 +181,8 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
         "the journal belongs to another archive than " + std::string(archive_name) +
             ": the camera or epoch differs",
         std::string(journal_name) + " @16",
-        "Replace it with the archive's journal, or remove it: the archive can be "
-        "read without it, but the records of missing frames are then lost");
+        "Run `raystage repair` on the take, which recovers damaged headers, or put the archive's "
+        "own journal in its place");
   }
   Merger merger(archive, preamble, index);
   for (const FrameRecord& record : contents.records) merger.add(record);

@@ -90,8 +90,10 @@ Error IndexedArchive::unreadable(int frame) const {
 }
 
 RottenFrame IndexedArchive::rotten_frame(int frame) const {
-  std::string what = "frame " + std::to_string(frame) + " of camera \"" +
-                     index.description.camera_id + "\" " + std::string(kRottenFrameText);
+  const std::string& camera = index.description.camera_id;  // empty if the header is damaged
+  std::string what = "frame " + std::to_string(frame) +
+                     (camera.empty() ? " " : " of camera \"" + camera + "\" ") +
+                     std::string(kRottenFrameText);
   const bool is_beyond_end = is_lost(frame);
   if (is_beyond_end) what += ": the archive ends before it";
   const std::string repair = is_beyond_end ? "`raystage repair --from COPY`" : "`raystage repair`";

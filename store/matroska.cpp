@@ -351,7 +351,7 @@ Preamble read_preamble(Bytes file, std::string_view name) {
   const std::size_t magic = std::min(file.size(), kEbmlIdBytes.size());
   if (!std::ranges::equal(file.first(magic), Bytes(kEbmlIdBytes).first(magic))) {
     throw Error::bad_input("the file is not a Matroska file", std::string(name) + " @0",
-                           "Restore the archive from a copy");
+                           "Run `raystage repair` on the take, or restore the archive from a copy");
   }
   Preamble preamble;
   preamble.is_cut = true;  // a recorder writes the whole header before it lists a frame
@@ -362,7 +362,7 @@ Preamble read_preamble(Bytes file, std::string_view name) {
   if (segment->id != kSegment) {
     throw Error::bad_input("the Matroska file has no Segment",
                            std::string(name) + " @" + std::to_string(head->end()),
-                           "Restore the archive from a copy");
+                           "Run `raystage repair` on the take, or restore the archive from a copy");
   }
   const bool has_size = !segment->unknown_size;
   preamble.closed = has_size && segment->size <= file.size() - segment->data_offset;

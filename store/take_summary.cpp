@@ -179,7 +179,7 @@ TakeSummary summarise_take(const Take& take) {
     summary.timeline = {timeline.fps, static_cast<int>(timeline.ticks.size()),
                         timeline_statistics(timeline)};
   } catch (const Error& error) {
-    summary.timeline_error = error.what_happened();
+    summary.timeline_error = error.what_happened() + ". " + error.what_to_do();
   }
   return summary;
 }

@@ -63,7 +63,7 @@ struct TakeSummary {
     TimelineStatistics statistics;
   };
   std::optional<TimelineSummary> timeline;
-  std::string timeline_error;  ///< why there is no timeline
+  std::string timeline_error;  ///< why there is no timeline, and what to do
 
   std::uint64_t frames() const;
   bool is_readable() const;  ///< whether every archive can be read

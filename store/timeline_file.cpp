@@ -310,6 +310,20 @@ void write_timeline(const Timeline& timeline, const Take& take) {
                         encode_timeline(timeline, take_fingerprint(take)));
 }
 
+namespace {
+
+std::optional<std::string> camera_with_damaged_journal(const Take& take) {
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const ArchiveReader& archive = take.archive(camera);
+    if (archive.recovered_frames() > 0 || archive.damaged_records() > 0) {
+      return take.document().cameras[static_cast<std::size_t>(camera)].id;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
 Timeline read_timeline(const Take& take) {
   const std::filesystem::path path = take.folder() / kTimelineFile;
   if (!exists(take.file(kTimelineFile))) {
@@ -323,10 +337,19 @@ Timeline read_timeline(const Take& take) {
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     is_complete = is_complete && !take.is_missing(camera);
   }
-  Timeline timeline =
-      decode_timeline(std::as_bytes(std::span(bytes)),
-                      is_complete ? std::optional(take_fingerprint(take)) : std::nullopt,
-                      static_cast<std::size_t>(take.camera_count()), path.string());
+  Timeline timeline;
+  try {
+    timeline = decode_timeline(std::as_bytes(std::span(bytes)),
+                               is_complete ? std::optional(take_fingerprint(take)) : std::nullopt,
+                               static_cast<std::size_t>(take.camera_count()), path.string());
+  } catch (const Error& error) {
+    const auto camera = is_complete ? camera_with_damaged_journal(take) : std::nullopt;
+    if (!camera) throw;
+    // A new timeline would use frames that nothing checks, because their records are damaged.
+    throw Error::bad_input(
+        error.what_happened() + "; the journal of camera \"" + *camera + "\" is damaged",
+        path.string(), "Run `raystage repair` on the take");
+  }
   if (take.are_archives_unknown()) return timeline;
   // With a matching fingerprint, every entry must be a frame of this take at its time.
   for (std::size_t camera = 0; camera < static_cast<std::size_t>(take.camera_count()); ++camera) {

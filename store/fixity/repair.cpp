@@ -17,6 +17,7 @@
 #include "base/mapped_file.h"
 #include "base/parallel.h"
 #include "base/posix_file.h"
+#include "store/fixity/renumber_timeline.h"
 #include "store/fixity/repair_from_copy.h"
 #include "store/fixity/replace_pair.h"
 #include "store/fixity/verify.h"
@@ -108,18 +109,20 @@ class CameraRepair {
   fs::path archive_path_, journal_path_;
 };
 
-// Renames a timeline that no longer matches the frame tables: every reader would reject it.
-std::string set_aside_timeline(const fs::path& folder) {
+// Renumbers a timeline that no longer matches the frame tables, or renames it: every reader would
+// reject it.
+void mend_timeline(const fs::path& folder, const std::optional<NumberedTimeline>& before,
+                   RepairReport& report) {
   const fs::path file = folder / kTimelineFile;
   try {
-    if (!exists(ContainedPath{folder, kTimelineFile})) return "";
+    if (!exists(ContainedPath{folder, kTimelineFile})) return;
     read_timeline(Take(folder));
-    return "";
   } catch (const Error&) {
-    const std::string name = keep_original(file);
+    report.is_timeline_renumbered = before && renumber_timeline(*before, folder);
+    if (report.is_timeline_renumbered) return;
+    report.renamed_timeline = keep_original(file);
     std::error_code gone_already;
     fs::remove(file, gone_already);
-    return name;
   }
 }
 
@@ -158,6 +161,8 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
   const fs::path& described =
       copy && !copy->has_own_documents() && options.dry_run ? *options.copy : folder;
   const Take take(described);
+  std::optional<NumberedTimeline> timeline;
+  if (!options.dry_run) timeline = read_numbered_timeline(folder);
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   report.cameras.resize(cameras);
   std::atomic<std::size_t> done = 0;
@@ -188,7 +193,7 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
     const auto restored = copy->restore_derived(options.dry_run);
     report.files.insert(report.files.end(), restored.begin(), restored.end());
   }
-  if (!options.dry_run && !report.failed()) report.renamed_timeline = set_aside_timeline(folder);
+  if (!options.dry_run && !report.failed()) mend_timeline(folder, timeline, report);
   return report;
 }
 

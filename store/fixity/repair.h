@@ -43,6 +43,8 @@ struct RepairReport {
     std::string error;  ///< why it cannot be taken; empty if it can
   };
   std::vector<RestoredFile> files;
+  /// Whether the timeline has kept its ticks, and lost frames are absent from it now.
+  bool is_timeline_renumbered = false;
   /// New name of a timeline that no longer matches; empty if it matches, or with dry_run.
   std::string renamed_timeline;
   RunStatus status = RunStatus::kNotRun;

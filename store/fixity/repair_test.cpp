@@ -483,7 +483,26 @@ TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
   EXPECT_TRUE(is_intact());
 }
 
+/// Expects the ticks of `before`, with their frames by time, but without a frame of a camera.
+void expect_same_ticks(const std::filesystem::path& take, const Timeline& before,
+                       std::size_t camera, std::int32_t lost) {
+  const Timeline now = read_timeline(Take(take));
+  ASSERT_EQ(now.ticks.size(), before.ticks.size());
+  EXPECT_EQ(now.clocks, before.clocks);
+  for (std::size_t i = 0; i < now.ticks.size(); ++i) {
+    EXPECT_EQ(now.ticks[i].time_ns, before.ticks[i].time_ns);
+    for (std::size_t c = 0; c < now.ticks[i].frame.size(); ++c) {
+      const std::int32_t was = before.ticks[i].frame[c];
+      const bool is_later = c == camera && was > lost;
+      const bool is_lost = c == camera && was == lost;
+      EXPECT_EQ(now.ticks[i].frame[c], is_lost ? -1 : is_later ? was - 1 : was) << i << " " << c;
+      EXPECT_EQ(now.ticks[i].difference[c], is_lost ? 0 : before.ticks[i].difference[c]);
+    }
+  }
+}
+
 TEST_F(RepairTake, TheOriginalsOfALossStay) {
+  const Timeline timeline = read_timeline(Take(take));
   const FrameRecord frame = rot_a_frame(2);
   const auto bytes = testing::bytes_of(archive(2));
   const auto lines = testing::bytes_of(journal(2));
@@ -503,9 +522,11 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   EXPECT_EQ(report.cameras[2].salvage.losses[0].time_ns, frame.time_ns);
   EXPECT_EQ(testing::bytes_of(take / "archive/c2.mkv.damaged"), bytes);
   EXPECT_EQ(testing::bytes_of(take / "archive/c2.journal.damaged"), lines);
-  // The timeline refers to frames by index, so it is invalid with one frame fewer.
-  EXPECT_EQ(report.renamed_timeline, "timeline.zst.damaged");
+  // The timeline refers to frames by index, but its ticks stay.
+  EXPECT_TRUE(report.is_timeline_renumbered);
+  EXPECT_EQ(report.renamed_timeline, "");
   EXPECT_TRUE(is_intact());
+  expect_same_ticks(take, timeline, 2, 5);
   const Take now(take);
   ASSERT_EQ(now.archive(2).frames().size(), 9u);
   EXPECT_EQ(now.archive(2).records()[5].status, FrameStatus::kTorn);

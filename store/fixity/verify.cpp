@@ -178,7 +178,7 @@ void verify_timeline(const Take& take, TakeFixityReport& report) {
   } catch (const Error& error) {
     report.problems.push_back({std::string(kTimelineFile),
                                0,
-                               error.what_happened() + "; run `raystage sync` to write it anew",
+                               error.what_happened() + ". " + error.what_to_do(),
                                {},
                                false});
   }

@@ -269,7 +269,6 @@ std::optional<std::string> decode_bag_path(std::string_view text, BagVersion ver
   };
   if (decoded.empty()) return refuse("is no path");
   if (decoded.front() == '/') return refuse("is an absolute path");
-  if (decoded.front() == '~') return refuse("begins with ~, which means a home folder");
   if (decoded.find('\0') != std::string::npos) return refuse("holds a zero byte");
   if (decoded.back() == '/') return refuse("names a folder");
   std::string plain;
@@ -287,6 +286,7 @@ std::optional<std::string> decode_bag_path(std::string_view text, BagVersion ver
     plain += part;
   }
   if (plain.empty()) return refuse("is no path");
+  if (plain.front() == '~') return refuse("begins with ~, which means a home folder");
   if (has_removed_parts) {
     findings.warning(fmt::format("\"{}\" has parts that are empty or \".\"", text));
   }

@@ -72,8 +72,7 @@ void print_advice(const std::string& take, const store::TakeFixityReport& report
   if (damaged) {
     print(
         "`raystage repair {0}` recovers what is not damaged, `raystage repair {0} --from COPY` "
-        "takes "
-        "the rest from a copy\n",
+        "takes the rest from a copy\n",
         take);
   } else if (not_closed) {
     print(

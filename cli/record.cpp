@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <memory>
 #include <optional>
+#include <vector>
 
 #include "base/atomic_file.h"
 #include "base/resources.h"
@@ -162,6 +164,21 @@ std::optional<schemas::RigDocument> known_rig(const Options& options,
   return std::nullopt;
 }
 
+/// Opens the simulated cameras. While these sources exist, opening them again allocates little. It
+/// is done before a ceiling holds, because Embree may hang when an allocation fails.
+std::vector<std::unique_ptr<ingest::FrameSource>> open_simulated_cameras(
+    const schemas::RecordConfig& config, const ingest::OpenFrameSource& open) {
+  std::vector<std::unique_ptr<ingest::FrameSource>> sources;
+  for (const schemas::RecordConfig::Camera& camera : config.cameras) {
+    if (!std::holds_alternative<schemas::RecordConfig::SimulatedSource>(camera.source)) continue;
+    try {
+      sources.push_back(open(camera));
+    } catch (const Error&) {  // open_cameras() reports it
+    }
+  }
+  return sources;
+}
+
 /// Holds a ceiling of memory, if there is one, until the recorder does: what a camera sends may
 /// make a library take any amount. Ceilings that are too low are refused later, when what cameras
 /// need is known.
@@ -295,10 +312,13 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
           const schemas::RecordConfig::Camera& camera) {
         return ingest::open_frame_source(camera, folder, permissions);
       };
+  std::vector<std::unique_ptr<ingest::FrameSource>> simulated;
+  if (settings.memory_ceiling) simulated = open_simulated_cameras(config, open_source);
   ingest::MemoryBudget no_frames(0);
   std::optional<ingest::MemoryCeiling> ceiling_before_recording;
   hold_ceiling(config, settings.memory_ceiling, no_frames, ceiling_before_recording);
   auto cameras = ingest::open_cameras(config, open_source, rig ? &*rig : nullptr);
+  simulated.clear();
   report_absent(cameras);
   // Measuring starts a thread for each camera at once, for which the limit may leave no stacks.
   if (config.hold) ceiling_before_recording.reset();

@@ -138,6 +138,7 @@ void test_occlusion(RTCScene scene, std::span<const Ray> rays, std::span<const f
 // Not with "threads=1": Embree would limit all of TBB, and thus all cameras, to one thread.
 SceneGeometry::SceneGeometry(const Scene& scene) : scene_(scene), device_(rtcNewDevice(nullptr)) {
   if (!device_) {
+    if (rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
     throw Error::failed("Embree cannot start on this processor", "scene",
                         "Use a machine with at least SSE4.2");
   }

@@ -154,8 +154,9 @@ TEST_F(MirroredRecording, EitherCopyGoesOnWithoutTheOther) {
     fs::remove_all(take);
     fs::remove_all(mirror);
     states.clear();
-    options.memory_bytes = 300'000;  // much less than all frames
-    const auto session = record(400, 400, refuse(refusing));
+    options.memory_bytes =
+        300'000;  // much less than all frames, but more than come in half a second
+    const auto session = record(400, 100, refuse(refusing));
     ASSERT_TRUE(session.audit);
     EXPECT_TRUE(session.audit->holds) << ::testing::PrintToString(session.audit->problems);
     const fs::path &whole = refusing == 1 ? take : mirror, &other = refusing == 1 ? mirror : take;

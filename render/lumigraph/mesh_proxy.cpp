@@ -57,6 +57,10 @@ Triangles read_triangles(const std::filesystem::path& file) {
 
 MeshProxy::MeshProxy(const std::filesystem::path& file)
     : device_(rtcNewDevice(embree_config().c_str())) {
+  if (!device_) {
+    if (rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
+    throw Error::failed("Embree cannot start", file.string(), "Use a processor that it supports");
+  }
   const Triangles triangles = read_triangles(file);
   Vector3d least = triangles.positions[0], most = least;
   for (const Vector3d& p : triangles.positions) {

@@ -17,6 +17,7 @@ namespace {
 using nlohmann::json;
 using testing::CommandResult;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::run;
 
 constexpr double kMegabyte = 1e6;
@@ -137,6 +138,25 @@ TEST_F(RecordCeiling, TooLowOnesAreRefusedBeforeAnythingIsWritten) {
   EXPECT_EQ(result.exit_code, 2) << result.err;
   EXPECT_THAT(result.err, HasSubstr("a ceiling of 100 MB leaves"));
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "take"));
+}
+
+// Embree, which renders them, may hang when an allocation fails.
+TEST_F(RecordCeiling, DoesNotHoldWhileSimulatedCamerasAreRendered) {
+  std::string cameras;
+  for (int i = 0; i < 8; ++i) {
+    cameras += std::string(i > 0 ? "," : "") + R"({"id": "c)" + std::to_string(i) +
+               R"(", "simulated": {"rows": 1, "columns": 1, "seconds": 0.1, "width": 64, )" +
+               R"("height": 48, "seed": )" + std::to_string(i + 1) + "}}";
+  }
+  testing::write_text(folder_.path() / "record.json",
+                      R"({"schema": "raystage/record/1", "name": "test", "node": "one", )"
+                      R"("memory_mb": 40, "cameras": [)" +
+                          cameras + "]}");
+  const CommandResult result = record("--duration 1 --memory-ceiling 100");
+  EXPECT_EQ(result.exit_code, 2) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("a ceiling of 100 MB leaves"));
+  EXPECT_THAT(result.err, Not(HasSubstr("ABSENT")));
+  EXPECT_GT(result.peak_memory, 256'000'000U) << "they need less than the least ceiling";
 }
 
 }  // namespace

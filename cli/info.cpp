@@ -26,6 +26,7 @@
 #include "schemas/former_names.h"
 #include "schemas/imported_depths_document.h"
 #include "schemas/json_text.h"
+#include "store/imported_depths.h"
 #include "store/take_summary.h"
 
 namespace raystage::cli {
@@ -259,11 +260,8 @@ DepthMaps depth_maps_of(const store::Take& take) {
     ++maps.estimated_sets;
     maps.estimated += instants.size();
   }
-  const ContainedPath list = take.file(ImportedDepths::kFile);
   try {
-    if (exists(list)) {
-      maps.imported = schemas::parse_imported_depths(read_file(list), list.path().string());
-    }
+    maps.imported = store::read_imported_depths(take);
   } catch (const Error& failure) {
     maps.error = failure.what();
   }

@@ -31,6 +31,7 @@
 #include "render/depth/imported_maps.h"
 #include "schemas/imported_depths_document.h"
 #include "store/fixity/sha256.h"
+#include "store/imported_depths.h"
 #include "store/timeline.h"
 
 namespace raystage::depths {
@@ -221,12 +222,14 @@ class Importer {
     for (const std::string& file : written_) {
       if (!file.empty()) fs::remove(stored(file), ignored);
     }
+    if (has_begun_list_) fs::remove(take_.folder() / Document::kFile, ignored);
   }
 
   DepthImportReport run(const std::vector<Source>& sources) {
     require_contained(take_.file(Document::kFile));
-    Document document = render::read_imported_depths(take_);
+    Document document = store::read_imported_depths(take_);
     require_new(document, sources);
+    begin_list();
     std::vector<Document::Map> maps(sources.size());
     written_.resize(sources.size());
     std::vector<MapFindings> findings(sources.size());
@@ -246,6 +249,14 @@ class Importer {
  private:
   fs::path stored(const std::string& file) const {
     return take_.folder() / Document::kFolder / file;
+  }
+
+  /// Writes an empty list before the first maps: maps without a list are those of a list that was
+  /// lost, not of an import that was killed.
+  void begin_list() {
+    if (exists(take_.file(Document::kFile))) return;
+    schemas::write_imported_depths({}, take_.folder() / Document::kFile);
+    has_begun_list_ = true;
   }
 
   void require_new(const Document& document, const std::vector<Source>& sources) const {
@@ -359,7 +370,7 @@ class Importer {
   std::vector<double> parallaxes_;  ///< by camera
   DepthImageReader reader_;
   std::vector<std::string> written_;  ///< new files, removed unless the list names them
-  bool is_listed_ = false;
+  bool is_listed_ = false, has_begun_list_ = false;
 };
 
 }  // namespace

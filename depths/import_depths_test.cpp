@@ -20,6 +20,7 @@
 #include "render/depth/depth_file.h"
 #include "render/depth/imported_maps.h"
 #include "store/fixity/verify.h"
+#include "store/imported_depths.h"
 #include "store/packing/pack_temporal.h"
 #include "testing/render/test_depth.h"
 
@@ -189,7 +190,7 @@ TEST_F(ImportDepths, AMapComesBackAndUnknownDepthsStayUnknown) {
   const std::string& id = take.document().cameras[0].id;
   images::write_depth_image(96, 72, z, maps() / id / "000001.exr");
   EXPECT_GT(import_depths(take, maps(), {}, {}).unknown_share, 0);
-  const Document document = render::read_imported_depths(take);
+  const Document document = store::read_imported_depths(take);
   const Document::Map* entry = document.find(id, 0);
   ASSERT_NE(entry, nullptr);
   EXPECT_EQ(entry->quantity, Document::Quantity::kInverseDepth);
@@ -268,7 +269,7 @@ TEST_F(ImportDepths, ExistingMapsAreReplacedOnRequestOnly) {
   options.encoding.unit_m = 1.5;
   EXPECT_EQ(import_depths(take, maps(), options, {}).replaced, 2U);
   EXPECT_EQ(stored_maps(take), 2U);  // the old files are gone
-  const Document document = render::read_imported_depths(take);
+  const Document document = store::read_imported_depths(take);
   EXPECT_EQ(document.imports.size(), 1U);
   EXPECT_THAT(document.imports[0].encoding, HasSubstr("1.5 m a unit"));
 }
@@ -299,6 +300,7 @@ TEST_F(ImportDepths, MapsOfKilledImportsAreRemoved) {
   const fs::path folder = take.folder() / Document::kFolder / take.document().cameras[0].id;
   const fs::path outside = folder_.path() / "outside.zst";
   create_folder(folder);
+  schemas::write_imported_depths({}, take.folder() / Document::kFile);  // an import begins with it
   for (const char* const name : {"000000.0123456789abcdef.zst", "000007.0123456789abcdef.zst",
                                  ".000000.0123456789abcdef.zst.host.1.01.tmp.zst", "notes.txt"}) {
     write_file_atomically(folder / name, "killed");
@@ -306,7 +308,7 @@ TEST_F(ImportDepths, MapsOfKilledImportsAreRemoved) {
   write_file_atomically(outside, "of others");
   fs::create_symlink(outside, folder / "link.zst");
   import_depths(take, maps(), {}, {});
-  const std::string kept = render::read_imported_depths(take).cameras[0].maps[0].file;
+  const std::string kept = store::read_imported_depths(take).cameras[0].maps[0].file;
   std::set<std::string> found;
   for (const auto& entry : fs::directory_iterator(folder)) {
     found.insert(entry.path().filename().string());
@@ -314,6 +316,36 @@ TEST_F(ImportDepths, MapsOfKilledImportsAreRemoved) {
   EXPECT_EQ(found,
             (std::set<std::string>{fs::path(kept).filename().string(), "link.zst", "notes.txt"}));
   EXPECT_TRUE(fs::exists(outside));
+}
+
+TEST_F(ImportDepths, AListBeginsEveryImportAndIsGoneIfItFails) {
+  const store::Take take = write_step(1, 2);
+  write_maps(take);
+  bool began = false;
+  DepthImportOptions options;
+  options.progress = [&](double) {  // the first map is written
+    began = fs::exists(take.folder() / Document::kFile);
+    throw Error::failed("the import ends", "", "");
+  };
+  EXPECT_THROW(import_depths(take, maps(), options, {}), Error);
+  EXPECT_TRUE(began);
+  EXPECT_FALSE(fs::exists(take.folder() / Document::kFile));
+  EXPECT_EQ(stored_maps(take), 0U);
+}
+
+TEST_F(ImportDepths, MapsWithoutTheirListAreNeitherForgottenNorRemoved) {
+  const store::Take take = write_step(1, 2);
+  write_maps(take);
+  import_depths(take, maps(), {}, {});
+  fs::remove(take.folder() / Document::kFile);
+  EXPECT_THAT(refusal(take), AllOf(HasSubstr("list of the imported depth maps is missing"),
+                                   HasSubstr("repair TAKE --from COPY")));
+  EXPECT_EQ(stored_maps(take), 2U);
+  EXPECT_THROW(render(take, testing::default_view()), Error) << "estimated the depths";
+  const auto problems = store::verify_take(take.folder(), {}).problems;
+  ASSERT_EQ(problems.size(), 1U);
+  EXPECT_EQ(problems[0].file, Document::kFile);
+  EXPECT_THAT(problems[0].what, HasSubstr("is missing"));
 }
 
 TEST_F(ImportDepths, ImplausibleUnitsAreNoted) {
@@ -342,7 +374,7 @@ TEST_F(ImportDepths, APixelThatIsMuchTooNearLeavesTheOthersPrecise) {
   EXPECT_NEAR(report.unknown_share, 1 / (96.0 * 72), 1e-9);
   EXPECT_THAT(report.notes, ElementsAre(AllOf(HasSubstr("2 pixels of 1 of 2 maps are so near"),
                                               HasSubstr(": " + ids[0] + "/000001.exr"))));
-  const Document document = render::read_imported_depths(take);
+  const Document document = store::read_imported_depths(take);
   const auto map_of = [&](int camera) {
     return render::read_imported_map(take, camera,
                                      *document.find(ids[static_cast<std::size_t>(camera)], 0));
@@ -443,7 +475,7 @@ TEST_F(ImportDepths, ADamagedMapIsAnErrorAndNotAnEstimation) {
   write_maps(take);
   import_depths(take, maps(), {}, {});
   const std::string& id = take.document().cameras[1].id;
-  Document document = render::read_imported_depths(take);
+  Document document = store::read_imported_depths(take);
   const fs::path file = take.folder() / Document::kFolder / document.find(id, 0)->file;
   const std::string whole = read_file(file);
   const auto failure = [&] {

@@ -8,11 +8,11 @@
 #include <filesystem>
 #include <set>
 #include <string>
-#include <vector>
 
 #include "base/atomic_file.h"
 #include "base/contained_path.h"
 #include "base/error.h"
+#include "store/imported_depths.h"
 
 namespace raystage::depths {
 namespace {
@@ -48,22 +48,10 @@ void ImportLock::remove_unlisted(const store::Take& take, const Document& docume
   for (const Document::Camera& camera : document.cameras) {
     for (const Document::Map& map : camera.maps) listed.insert(map.file);
   }
-  std::error_code error;
-  std::vector<ContainedPath> unlisted;
-  for (const auto& camera : take.document().cameras) {
-    const ContainedPath folder = take.file(fs::path(Document::kFolder) / camera.id);
-    if (!is_contained(folder)) continue;
-    for (fs::directory_iterator entry(folder.path(), error), end; !error && entry != end;
-         entry.increment(error)) {
-      const fs::path file = fs::path(camera.id) / entry->path().filename();
-      std::error_code unknown;
-      // Temporary files of maps have the same extension.
-      if (file.extension() != ".zst" || listed.contains(file)) continue;
-      if (entry->symlink_status(unknown).type() != fs::file_type::regular) continue;
-      unlisted.push_back({take.folder(), fs::path(Document::kFolder) / file});
-    }
-  }
-  for (const ContainedPath& file : unlisted) {
+  // Temporary files of maps have the same extension.
+  for (const ContainedPath& file : store::imported_map_files(take)) {
+    std::error_code error;
+    if (listed.contains(file.relative.lexically_relative(Document::kFolder))) continue;
     if (is_contained(file)) fs::remove(file.path(), error);
   }
 }

@@ -29,6 +29,7 @@
 #include "render/depth/depth.h"
 #include "render/depth/imported_maps.h"
 #include "schemas/rig_document.h"
+#include "store/imported_depths.h"
 #include "store/scene_depth_range.h"
 #include "store/timeline.h"
 
@@ -62,7 +63,7 @@ class RecordedDepths {
   RecordedDepths(const store::Take& take, const DepthExportOptions& options)
       : take_(take),
         options_(options),
-        imported_(render::read_imported_depths(take)),
+        imported_(store::read_imported_depths(take)),
         cache_(take, kCacheBytes, store::BlendSpace::kPerceptual),
         results_(std::size_t{1} << 30) {}
 

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "depths/depth_image.h"
 #include "depths/import_depths.h"
-#include "render/depth/imported_maps.h"
+#include "store/imported_depths.h"
 #include "testing/render/test_depth.h"
 
 namespace raystage::exports {
@@ -60,7 +60,7 @@ TEST_F(ExportDepths, ImportedMapsComeBackFromBothFormats) {
   export_depths(take, to(out("maps")), {});
   depths::import_depths(take, out("maps"), {}, {});
   const auto stored = [&] {
-    const auto document = render::read_imported_depths(take);
+    const auto document = store::read_imported_depths(take);
     return render::read_imported_map(take, 0, *document.find(take.document().cameras[0].id, 0));
   };
   const InverseDepthMap first = stored();

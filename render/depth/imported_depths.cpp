@@ -7,6 +7,7 @@
 
 #include "base/parallel.h"
 #include "render/depth/recorded_depths.h"
+#include "store/imported_depths.h"
 
 namespace raystage::render {
 
@@ -14,7 +15,8 @@ namespace {
 using Document = schemas::ImportedDepthsDocument;
 }  // namespace
 
-ImportedDepths::ImportedDepths(const store::Take& take) : document_(read_imported_depths(take)) {
+ImportedDepths::ImportedDepths(const store::Take& take)
+    : document_(store::read_imported_depths(take)) {
   for (const Document::Camera& camera : document_.cameras) {
     constexpr std::size_t kTextBytes = 300;  // of a map, roughly
     bytes_ += camera.maps.size() * (sizeof(Document::Map) + kTextBytes);

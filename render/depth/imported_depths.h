@@ -24,7 +24,7 @@ inline constexpr const char* kImportedDepthsNote =
 /// estimated ones: nothing is estimated for a camera that has one, and unknown depths stay unknown.
 class ImportedDepths {
  public:
-  /// Throws Error (bad input) as read_imported_depths().
+  /// Throws Error (bad input) as store::read_imported_depths().
   explicit ImportedDepths(const store::Take& take);
   /// Returns the same, cached.
   static std::shared_ptr<const ImportedDepths> of(const store::Take& take,

@@ -36,12 +36,6 @@ std::uint64_t number_from_hex(std::string_view digits) {
 
 }  // namespace
 
-ImportedDocument read_imported_depths(const store::Take& take) {
-  const ContainedPath file = take.file(ImportedDocument::kFile);
-  if (!exists(file)) return {};
-  return schemas::parse_imported_depths(read_file(file), file.path().string());
-}
-
 std::string imported_frame_xxh3(const store::Take& take, int camera, int frame) {
   const store::ArchiveReader& archive = take.archive(camera);
   std::uint64_t hash = archive.recorded_xxh3(frame);

@@ -14,10 +14,6 @@ namespace raystage::render {
 /// The largest imported map, pixels.
 inline constexpr std::size_t kMaxImportedPixels = std::size_t{1} << 26;
 
-/// Returns what a take states of its imported depth maps (docs/formats/depth.md); empty if it has
-/// none. Throws Error (bad input) if the document is damaged.
-schemas::ImportedDepthsDocument read_imported_depths(const store::Take& take);
-
 /// Returns the XXH3-64 of a frame's JPEG as it was recorded, as ImportedDepthsDocument::Map states
 /// it: packing does not change it.
 std::string imported_frame_xxh3(const store::Take& take, int camera, int frame);

@@ -20,6 +20,7 @@
 #include "base/error.h"
 #include "base/mapped_file.h"
 #include "base/posix_file.h"
+#include "schemas/imported_depths_document.h"
 #include "schemas/recording_document.h"
 #include "schemas/rig_document.h"
 #include "schemas/take_document.h"
@@ -27,6 +28,7 @@
 #include "store/fixity/merge_pairs.h"
 #include "store/fixity/replace_pair.h"
 #include "store/fixity/verify.h"
+#include "store/imported_depths.h"
 #include "store/matroska.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
@@ -35,6 +37,7 @@ namespace raystage::store {
 namespace {
 
 namespace fs = std::filesystem;
+using schemas::ImportedDepthsDocument;
 using schemas::RecordingDocument;
 
 constexpr const char* kTakeFile = "take.json";
@@ -233,6 +236,14 @@ bool is_further(const RecordingDocument& copy, const RecordingDocument& own) {
          !own.sessions.back().stopped_utc;
 }
 
+/// Returns whether a file is an imported depth map that is damaged in a take, not in its copy.
+bool is_damaged_map(const std::string& file, const fs::path& take, const fs::path& copy) {
+  if (!file.starts_with(ImportedDepthsDocument::kFolder) || !file.ends_with(".zst")) return false;
+  bool is_intact = false;
+  succeeds([&] { is_intact = has_stated_hash({take, file}); });
+  return !is_intact && succeeds([&] { is_intact = has_stated_hash({copy, file}); }) && is_intact;
+}
+
 }  // namespace
 
 CopyOfTake::CopyOfTake(fs::path take, fs::path copy)
@@ -308,6 +319,12 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_documents(bool dry_r
   const auto never = [] { return false; };
   restore_invalid(kTakeFile, check_take, check_take, never);
   restore_invalid(kRigFile, check_rig, check_rig, never);
+  if (const char* const maps = ImportedDepthsDocument::kFile; is_name_taken(copy_ / maps)) {
+    const auto check = [](const std::string& text) {
+      schemas::parse_imported_depths(text, ImportedDepthsDocument::kFile);
+    };
+    restore_invalid(maps, check, check, never);
+  }
   for (const std::string& file : files_of_take(copy_)) {
     if (!file.starts_with("recording/") || !file.ends_with(".json")) continue;
     std::optional<RecordingDocument> own, copy;
@@ -362,8 +379,10 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_derived(bool dry_run
                            file.starts_with("archive/") || file.starts_with("recording/");
     // What a repair of the copy has set aside.
     const bool set_aside = fs::path(file).extension().string().starts_with(".damaged");
-    if (elsewhere || set_aside || is_name_taken(take_ / file)) continue;
-    restore(file, dry_run, false, restored, {});
+    if (elsewhere || set_aside) continue;
+    const bool is_here = is_name_taken(take_ / file);
+    if (is_here && !is_damaged_map(file, take_, copy_)) continue;
+    restore(file, dry_run, is_here, restored, {});
   }
   const std::array<const char*, 2> manifest{kManifestFile, kSignatureFile};
   for (const char* file : manifest) {

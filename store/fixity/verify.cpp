@@ -11,6 +11,7 @@
 #include <mutex>
 #include <optional>
 #include <system_error>
+#include <utility>
 
 #include "base/contained_path.h"
 #include "base/error.h"
@@ -18,6 +19,7 @@
 #include "base/parallel.h"
 #include "base/stopwatch.h"
 #include "schemas/recording_document.h"
+#include "store/fixity/undecodable_frames.h"
 #include "store/fixity/verify_imported_depths.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
@@ -172,6 +174,29 @@ void decode_camera_groups(const Take& take, const TakeVerifyOptions& options,
       });
 }
 
+/// Reports frames of video that refer to damaged or lost ones. Only damage or a repair makes them.
+void verify_links(const Take& take, TakeFixityReport& report) {
+  FrameTimes damaged(report.cameras.size());
+  bool is_damaged = false;
+  for (std::size_t i = 0; i < damaged.size(); ++i) {
+    for (const FixityProblem& problem : report.cameras[i].report.problems) {
+      is_damaged = true;
+      if (!problem.loses_frames) continue;
+      for (const AffectedFrame& frame : problem.frames) damaged[i].insert(frame.time_ns);
+    }
+  }
+  if (!is_damaged && !has_torn_records(take)) return;
+  auto undecodable = find_undecodable_frames(take, damaged);
+  for (std::size_t i = 0; i < undecodable.size(); ++i) {
+    if (undecodable[i].empty()) continue;
+    report.cameras[i].report.problems.push_back(
+        {take.document().cameras[i].archive,
+         take.archive(static_cast<int>(i)).frames()[undecodable[i][0].number].offset,
+         "frames of video cannot be decoded, because they refer to damaged or lost ones",
+         std::move(undecodable[i]), false});
+  }
+}
+
 void verify_timeline(const Take& take, TakeFixityReport& report) {
   try {
     if (exists(take.file(kTimelineFile))) read_timeline(take);
@@ -263,6 +288,9 @@ TakeFixityReport verify_take(const fs::path& folder, const TakeVerifyOptions& gi
         verify_camera(take, static_cast<int>(i), options, share, report.cameras[i]);
       });
   if (options.decode) decode_camera_groups(take, options, report);
+  if (options.depth == VerifyDepth::kHashes && !options.decode && !options.stop.stop_requested()) {
+    verify_links(take, report);
+  }
   report.status = options.stop.stop_requested() ? RunStatus::kStopped : RunStatus::kFinished;
   // The timeline depends on the frame tables: it can be checked only if these are intact.
   if (report.status == RunStatus::kFinished && options.depth != VerifyDepth::kSizes &&

@@ -74,6 +74,11 @@ class Verifier {
         FixityProblem{file, offset, std::move(what), std::move(frames), false});
   }
 
+  void add_loss(std::uint64_t offset, std::string what, std::vector<AffectedFrame> frames) {
+    FixityProblem* problem = add(pair_.archive_name, offset, std::move(what), std::move(frames));
+    if (problem != nullptr) problem->loses_frames = true;
+  }
+
   bool can_read(Bytes part) const { return !options_.can_read || options_.can_read(part); }
   void advance(std::uint64_t bytes) const {
     if (options_.progress) options_.progress(bytes);
@@ -330,7 +335,7 @@ void Verifier::check_frame(const FrameRecord& record) {
   const auto hash = deep ? xxh3_of(jpeg) : std::nullopt;
   if (options_.stop.stop_requested()) return;
   if (!can_read({found.data(), found.size() + start}) || (deep && !hash)) {
-    add(pair_.archive_name, offset, "the disk cannot read the frame", {affected});
+    add_loss(offset, "the disk cannot read the frame", {affected});
     return;
   }
   const auto expected =
@@ -341,10 +346,10 @@ void Verifier::check_frame(const FrameRecord& record) {
         {affected});
   }
   if (options_.depth == VerifyDepth::kHashes && *hash != record.xxh3) {
-    add(pair_.archive_name, offset,
-        fmt::format("the {} bytes of a frame differ from the recorded ones: wrong XXH3",
-                    jpeg.size()),
-        {affected});
+    add_loss(offset,
+             fmt::format("the {} bytes of a frame differ from the recorded ones: wrong XXH3",
+                         jpeg.size()),
+             {affected});
   }
   if (options_.decode) check_decoded(jpeg, record, affected);
   if (deep) advance(jpeg.size());
@@ -461,7 +466,7 @@ bool Verifier::report_cut_off() {
   if (cut_off_.empty()) return false;
   std::string what = fmt::format(
       "the archive ends here; frames that the journal lists are lost: {}", cut_off_.size());
-  add(pair_.archive_name, archive_.size(), std::move(what), std::move(cut_off_));
+  add_loss(archive_.size(), std::move(what), std::move(cut_off_));
   cues_.insert(cues_.end(), cut_cues_.begin(), cut_cues_.end());
   check_header(matroska::make_trailer(cues_, header_, std::max<std::uint64_t>(cut_end_, cursor_)));
   if (!claims_closed_) report_not_closed("the recording was not closed");

@@ -37,6 +37,7 @@ struct FixityProblem {
   std::vector<AffectedFrame> frames;
   /// The recording was not closed: no data are damaged, `raystage repair` closes it.
   bool not_closed = false;
+  bool loses_frames = false;  ///< the bytes of `frames` are damaged or lost
 };
 
 /// The bytes of an archive and its journal, and what they should describe.

@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/fixity/verify_imported_depths.h"
 
-#include <fmt/format.h>
-#include <xxhash.h>
-
 #include <string>
 
-#include "base/atomic_file.h"
 #include "base/contained_path.h"
 #include "base/error.h"
 #include "base/mapped_file.h"
-#include "schemas/imported_depths_document.h"
+#include "store/imported_depths.h"
 
 namespace raystage::store {
 namespace {
@@ -20,15 +16,12 @@ using Document = schemas::ImportedDepthsDocument;
 
 /// Returns what is wrong with a map; empty if it is intact.
 std::string fault_of(const Take& take, const Document::Map& map, const TakeVerifyOptions& options) {
-  const MappedFile file(take.file(fs::path(Document::kFolder) / map.file));
-  if (options.depth == VerifyDepth::kSizes) return "";
-  if (options.before_read) options.before_read(file.bytes().size());
-  file.expect(MappedFile::Access::kSequential);
-  const std::uint64_t hash =
-      read_mapped([&] { return XXH3_64bits(file.bytes().data(), file.bytes().size()); }, file);
-  // CAMERA/FRAME.HASH.zst
-  const std::string stated = fs::path(map.file).stem().extension().string();
-  return stated == fmt::format(".{:016x}", hash)
+  const ContainedPath file = take.file(fs::path(Document::kFolder) / map.file);
+  if (options.depth == VerifyDepth::kSizes) {
+    const MappedFile is_there(file);
+    return "";
+  }
+  return has_stated_hash(file, options.before_read)
              ? ""
              : "the depth map is not as it was imported (XXH3 in its name)";
 }
@@ -47,9 +40,7 @@ std::vector<FixityProblem> verify_imported_depths(const Take& take,
   };
   Document document;
   try {
-    const ContainedPath file = take.file(Document::kFile);
-    if (!exists(file)) return {};
-    document = schemas::parse_imported_depths(read_file(file), file.path().string());
+    document = read_imported_depths(take);
   } catch (const Error& error) {
     complain(Document::kFile, error.what_happened());
     return problems;

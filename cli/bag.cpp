@@ -201,9 +201,13 @@ int main(int argc, char** argv) {
       .one_of_listed({"quick", "completeness", "checksums"});
   command.flag("--ocfl", options.how.is_ocfl,
                "Write an OCFL 1.1 object, whose v1/content is the bag (default: off)");
-  command.option("--identifier ID", options.how.identifier,
-                 "External-Identifier of the bag and id of the OCFL object, a URI (default: from "
-                 "name and time 0 of\nthe take)");
+  command
+      .option("--identifier ID", options.how.identifier,
+              "External-Identifier of the bag and id of the OCFL object, a URI (default: from "
+              "name and time 0 of\nthe take)")
+      .check([](const std::string& text) {
+        return text.empty() ? "the identifier is empty: give a URI, or omit the option" : "";
+      });
   command
       .option("--info TEXT", options.info,
               "Line of bag-info.txt, \"LABEL: VALUE\"; may be repeated (default: none)")

@@ -26,7 +26,7 @@ ExitCode export_depth_of(const DepthCommand& options, const std::stop_token& sto
     throw Error::bad_input("EXR files have no range of depths", "--near, --far",
                            "Add --format png, or omit the range");
   }
-  const store::Take take(options.take);
+  const store::Take take = open_take(options);
   exports::DepthExportOptions depth;
   depth.output = options.output;
   depth.frames = frame_choice(options);

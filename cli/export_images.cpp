@@ -46,7 +46,7 @@ exports::ExrColorSpace color_space_of(const ImagesCommand& options) {
 }
 
 ExitCode export_images_of(const ImagesCommand& options, const std::stop_token& stop) {
-  const store::Take take(options.take);
+  const store::Take take = open_take(options);
   exports::ImageExportOptions images;
   images.output = options.output;
   images.frames = frame_choice(options);

@@ -21,7 +21,7 @@ struct ModelCommand : ExportOptions {
 };
 
 ExitCode export_model_of(const ModelCommand& options, const std::stop_token& stop) {
-  const store::Take take(options.take);
+  const store::Take take = open_take(options);
   exports::ModelExportOptions model;
   model.output = options.output;
   for (const std::string& name : options.formats) {

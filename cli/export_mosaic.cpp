@@ -19,7 +19,7 @@ struct MosaicCommand : ExportOptions {
 };
 
 ExitCode export_mosaic_of(const MosaicCommand& options, const std::stop_token& stop) {
-  const store::Take take(options.take);
+  const store::Take take = open_take(options);
   exports::MosaicExportOptions mosaic;
   mosaic.output = options.output;
   mosaic.frames = frame_choice(options);

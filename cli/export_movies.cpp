@@ -18,7 +18,7 @@ struct MoviesCommand : ExportOptions {
 };
 
 ExitCode export_movies_of(const MoviesCommand& options, const std::stop_token& stop) {
-  const store::Take take(options.take);
+  const store::Take take = open_take(options);
   exports::MovieExportOptions movies;
   movies.output = options.output;
   movies.frames = frame_choice(options);

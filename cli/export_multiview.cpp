@@ -13,7 +13,7 @@ namespace raystage::cli {
 namespace {
 
 ExitCode export_multiview_of(const ExportOptions& options, const std::stop_token& stop) {
-  const store::Take take(options.take);
+  const store::Take take = open_take(options);
   exports::MultiviewExportOptions multiview;
   multiview.output = options.output;
   multiview.frames = frame_choice(options);

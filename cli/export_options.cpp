@@ -7,6 +7,7 @@
 #include "cli/printing.h"
 #include "cli/threads.h"
 #include "compose/frame_range.h"
+#include "store/absent_archives.h"
 
 namespace raystage::cli {
 
@@ -18,7 +19,19 @@ void add_take_options(CommandLine& command, ExportOptions& options, const std::s
       .option("--cameras ID,...", options.cameras,
               "cameras to export, in this order (default: all)")
       .comma_separated();
+  command.choice("--missing-archives", options.missing_archives,
+                 {{"error", false}, {"absent", true}},
+                 "cameras whose archives are missing: error = stop before anything is written; "
+                 "absent = they have\nno frames, others are exported (default: error)");
   add_follow_links_option(command);
+}
+
+store::Take open_take(const ExportOptions& options) {
+  store::Take take(options.take,
+                   options.missing_archives ? store::make_absent_archives(options.take) : nullptr);
+  const std::string missing = store::describe_missing_archives(take);
+  if (!missing.empty()) print_error("note: {}\n", missing);
+  return take;
 }
 
 void add_frame_options(CommandLine& command, ExportOptions& options, OfferedTimes times,

@@ -11,6 +11,7 @@
 #include "exports/export_report.h"
 #include "exports/frame_choice.h"
 #include "exports/output_folder.h"
+#include "store/take.h"
 
 namespace raystage::cli {
 
@@ -24,6 +25,7 @@ struct ExportOptions {
   std::string default_absent;  ///< that of --absent
   double fps = 0;
   std::string origin = "epoch";
+  bool missing_archives = false;  ///< are accepted: the cameras are absent
   bool overwrites = false;
   int threads = 0;
   bool quiet = false;
@@ -37,9 +39,12 @@ enum class OfferedTimes {
   kOne        ///< none: the export has one instant
 };
 
-/// Adds TAKE, -o, --cameras and --follow-links. `output_help`: of -o, named `output_name`.
+/// Adds TAKE, -o, --cameras, --missing-archives and --follow-links. `output_help`: of -o, named
+/// `output_name`.
 void add_take_options(CommandLine& command, ExportOptions& options, const std::string& output_name,
                       const std::string& output_help);
+/// Opens the take. Reports cameras whose archives are missing, where that is accepted.
+store::Take open_take(const ExportOptions& options);
 /// Adds --frames, --from, --to, and those of the times. `absent`: the default of --absent.
 void add_frame_options(CommandLine& command, ExportOptions& options, OfferedTimes times,
                        const std::string& absent);

@@ -54,6 +54,35 @@ TEST_F(ExportTakes, MoviesSayWhatTheyLack) {
   EXPECT_THAT(black.output, HasSubstr("black stands for them"));
 }
 
+// A frame that cannot be read is one frame, for however many others it would stand.
+TEST_F(ExportTakes, RottenFramesAreCountedOnce) {
+  const std::filesystem::path archive = data.folder.path() / "take/archive/c1.mkv";
+  const auto last_before_the_lost = store::Take(data.folder.path() / "take").archive(1).frames()[2];
+  std::string bytes = read_file(archive);
+  bytes[static_cast<std::size_t>(last_before_the_lost.offset) + 40] ^= 1;
+  write_file_atomically(archive, bytes);
+  for (const std::string policy : {"hold", "black"}) {
+    const auto result = exported("images take -o " + policy + " -q --absent " + policy);
+    EXPECT_EQ(result.exit_code, 4) << result.output;
+    EXPECT_THAT(result.output, HasSubstr("warning: 1 stored frames are not as they were"));
+  }
+}
+
+TEST_F(ExportTakes, CamerasWithoutArchivesAreLeftOutOnRequest) {
+  std::filesystem::remove(data.folder.path() / "take/archive/c2.mkv");
+  const auto refused = exported("images take -o none -q");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.output, HasSubstr("the archive of camera \"c2\" is missing"));
+  for (const std::string form : {"images take -o i", "movies take -o m", "mosaic take -o a.mp4",
+                                 "multiview take -o a.mkv", "model take -o model --frame 2"}) {
+    const auto result = exported(form + " -q --missing-archives absent");
+    EXPECT_EQ(result.exit_code, 0) << form << ": " << result.output;
+    EXPECT_THAT(result.output, HasSubstr("the archives of 1 of 3 cameras are missing: c2"));
+  }
+  EXPECT_TRUE(exists("i/c0/000001.png") || exists("i/c0/000001.jpg"));
+  EXPECT_TRUE(exists("m/c1.mov"));
+}
+
 TEST_F(ExportTakes, EveryFormHasACommand) {
   EXPECT_EQ(
       exported("images take -o i --format exr --compression zips --frames 1,3-4 -q").exit_code, 0);

@@ -109,9 +109,9 @@ void print_missing(const store::TakeSummary& summary) {
 }
 
 void print_archives(const store::TakeSummary& summary, const std::string& folder) {
-  const auto is_cut = [](const Camera& camera) { return camera.lost > 0; };
+  const auto is_cut = [](const Camera& camera) { return camera.is_cut; };
   const auto open = [](const Camera& camera) {
-    return camera.error.empty() && !camera.closed && camera.lost == 0;
+    return camera.error.empty() && !camera.closed && !camera.is_cut;
   };
   const long not_closed = count_of(summary, open), cut = count_of(summary, is_cut);
   if (not_closed > 0) {

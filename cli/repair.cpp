@@ -106,7 +106,9 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
   for (const auto& file : report.files) print_file(file, options.dry_run);
   print("{} of {} cameras were intact and are unchanged\n", intact, report.cameras.size());
   if (report.is_timeline_renumbered) {
-    print("The timeline keeps its ticks; the lost frames are absent from it\n");
+    print(options.dry_run
+              ? "The timeline would keep its ticks; the lost frames would be absent from it\n"
+              : "The timeline keeps its ticks; the lost frames are absent from it\n");
   }
   if (report.lost_imported_maps > 0) {
     print("Imported depth maps of lost frames: {}\n", report.lost_imported_maps);

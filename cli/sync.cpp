@@ -201,8 +201,8 @@ void say_what_is_elsewhere(const store::Take& take) {
   }
   if (cameras == 0) return;
   print_error(
-      "raystage sync: {} of {} archives are on other hosts; their times are read from the "
-      "journals\n",
+      "raystage sync: {} of {} archives are not here (on other hosts, or lost); their times are "
+      "read from the journals\n",
       cameras, take.camera_count());
 }
 

@@ -39,6 +39,25 @@ struct TakeCommands : ::testing::Test {
   std::string quoted = "'" + take.string() + "'";
 };
 
+TEST_F(TakeCommands, AnArchiveCutWithinItsCuesIsNoInterruptedRecording) {
+  const std::filesystem::path archive = take / "archive/c1.mkv";
+  std::filesystem::resize_file(archive, std::filesystem::file_size(archive) - 9);
+  const testing::CommandResult info = run("info " + quoted);
+  EXPECT_EQ(info.exit_code, 0) << info.output;
+  EXPECT_THAT(info.output,
+              AllOf(HasSubstr("1 shorter than when closed: c1"), Not(HasSubstr("interrupted"))));
+}
+
+TEST_F(TakeCommands, ADamagedDocumentIsToBeRestored) {
+  write_file_atomically(take / "take.json", "{");
+  const testing::CommandResult info = run("info " + quoted);
+  EXPECT_EQ(info.exit_code, 2);
+  EXPECT_THAT(info.output, AllOf(HasSubstr("take.json:"), HasSubstr("repair TAKE --from COPY")));
+  const testing::CommandResult bag = run("bag " + quoted + " -o bag --identifier ''");
+  EXPECT_EQ(bag.exit_code, 2);
+  EXPECT_THAT(bag.output, HasSubstr("the identifier is empty"));
+}
+
 TEST_F(TakeCommands, SyncThenInfo) {
   testing::CommandResult info = run("info " + quoted);
   EXPECT_EQ(info.exit_code, 0) << info.output;

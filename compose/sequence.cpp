@@ -27,6 +27,7 @@
 #include "compose/frame_range.h"
 #include "compose/sequence_checks.h"
 #include "images/exr_reader.h"
+#include "store/absent_archives.h"
 
 namespace raystage::compose {
 namespace {
@@ -281,8 +282,9 @@ class SequenceRun {
   void report_rotten_cameras() const {
     if (with_rot_.empty()) return;
     options_.on_message(fmt::format(
-        "cameras are absent from frames {}, because their stored frames are rotten (XXH3): {}. Run "
-        "`raystage verify` on the take, repair it, and render these frames again",
+        "cameras are absent from frames {}, because their stored frames are rotten (XXH3): {}. If "
+        "`raystage verify` finds damage, repair the take; then render these frames again with "
+        "--existing overwrite",
         format_frame_range(std::vector<int>(with_rot_.begin(), with_rot_.end())),
         fmt::join(rotten_cameras_, ", ")));
   }
@@ -411,16 +413,8 @@ namespace {
 
 void report_missing_archives(const ShotPlan& plan, const SequenceOptions& options) {
   for (const LightFieldLayer* light_field : plan.light_fields()) {
-    const store::Take& take = light_field->take();
-    std::vector<std::string> missing;
-    for (int camera = 0; camera < take.camera_count(); ++camera) {
-      if (take.is_missing(camera)) missing.push_back(take.document().cameras[camera].id);
-    }
-    if (missing.empty()) continue;
-    options.on_message(fmt::format(
-        "{}: the archives of {} of {} cameras are missing: {}; they are "
-        "absent from all frames",
-        take.folder().string(), missing.size(), take.camera_count(), fmt::join(missing, ", ")));
+    const std::string missing = store::describe_missing_archives(light_field->take());
+    if (!missing.empty()) options.on_message(missing);
   }
 }
 

@@ -186,8 +186,9 @@ ExportReport export_depths(const store::Take& take, const DepthExportOptions& op
   ExportReport report;
   for (std::size_t i = 0; i < choice.cameras.size(); ++i) {
     const CameraFrames& camera = choice.cameras[i];
-    report.cameras.push_back({take.document().cameras[camera.camera].id,
-                              static_cast<int>(camera.frames.size()), 0, camera.absent, 0});
+    report.cameras.push_back({.id = take.document().cameras[camera.camera].id,
+                              .frames = static_cast<int>(camera.frames.size()),
+                              .absent = camera.absent});
     for (const ChosenFrame& frame : camera.frames) cameras_of[frame.number].push_back(i);
   }
   OutputFolder folder(options.output);

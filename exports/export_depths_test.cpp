@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "depths/depth_image.h"
 #include "depths/import_depths.h"
+#include "render/depth/imported_maps.h"
 #include "store/imported_depths.h"
 #include "testing/render/test_depth.h"
 

@@ -59,7 +59,7 @@ bool SourceFrames::load(ChosenFrame& frame) {
       loaded_ns_ = frame.source_ns;
       return true;
     }
-    ++counts_.rotten;
+    if (!frame.is_held) ++counts_.rotten;  // otherwise it stands for others as well
     frame.is_held = true;
     if (absent_ == AbsentFrames::kGap) return false;
     const bool can_hold = absent_ != AbsentFrames::kBlack && loaded_ != kNoFrame;

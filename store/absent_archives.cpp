@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/absent_archives.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <functional>
@@ -44,6 +47,17 @@ std::shared_ptr<const RemoteArchives> make_absent_archives(
     const std::filesystem::path& take_folder) {
   if (!file_exists(take_folder / "take.json")) return nullptr;
   return std::make_shared<const AbsentArchives>(take_folder);
+}
+
+std::string describe_missing_archives(const Take& take) {
+  std::vector<std::string> missing;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    if (take.is_missing(camera)) missing.push_back(take.document().cameras[camera].id);
+  }
+  if (missing.empty()) return "";
+  return fmt::format(
+      "{}: the archives of {} of {} cameras are missing: {}; they are absent from all frames",
+      take.folder().string(), missing.size(), take.camera_count(), fmt::join(missing, ", "));
 }
 
 }  // namespace raystage::store

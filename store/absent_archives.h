@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <string>
 
 #include "store/take.h"
 
@@ -14,5 +15,8 @@ namespace raystage::store {
 /// and if all archives are missing.
 std::shared_ptr<const RemoteArchives> make_absent_archives(
     const std::filesystem::path& take_folder);
+
+/// Returns a sentence that names the cameras without archives; empty if there are none.
+std::string describe_missing_archives(const Take& take);
 
 }  // namespace raystage::store

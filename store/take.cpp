@@ -29,6 +29,20 @@ const fs::path& checked_take(const fs::path& folder) {
                          folder.string(), "Give the folder of a take, which has take.json");
 }
 
+/// Returns what `read` returns. Where the file is damaged, the error also says how to restore it.
+template <class Read>
+auto read_restorable(const ContainedPath& file, const Read& read) {
+  try {
+    return read(file);
+  } catch (const Error& error) {
+    if (error.exit_code() != ExitCode::kBadInput) throw;
+    throw Error::bad_input(
+        error.what_happened(), error.where(),
+        error.what_to_do() + "; if it was damaged, `raystage repair TAKE --from COPY` restores it")
+        .concerning(error.settings());
+  }
+}
+
 }  // namespace
 
 struct Take::State : TakeArchives {
@@ -41,8 +55,11 @@ struct Take::State : TakeArchives {
   State(std::filesystem::path path, std::shared_ptr<const RemoteArchives> others)
       : folder(std::move(path)),
         remote(std::move(others)),
-        document(schemas::read_take(ContainedPath{checked_take(folder), "take.json"})),
-        rig(rig::rig_from_document(schemas::read_rig(ContainedPath{folder, "rig.json"}))),
+        document(read_restorable({checked_take(folder), "take.json"},
+                                 [](const auto& file) { return schemas::read_take(file); })),
+        rig(read_restorable(
+            {folder, "rig.json"},
+            [](const auto& file) { return rig::rig_from_document(schemas::read_rig(file)); })),
         slots(document.cameras.size()) {}
 
   void check_cameras() const;

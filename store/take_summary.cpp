@@ -10,9 +10,11 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/mapped_file.h"
 #include "schemas/rig_document.h"
 #include "store/jpeg/layout.h"
 #include "store/lost_frames.h"
+#include "store/matroska.h"
 #include "store/recordings.h"
 #include "store/temporal/temporal_frame.h"
 #include "store/tick_phase.h"
@@ -27,6 +29,14 @@ std::optional<bool> restart_markers_of(const ArchiveReader& archive, const std::
   } catch (const Error&) {
     return std::nullopt;
   }
+}
+
+/// Returns whether an archive states a size that it no longer has.
+bool is_cut(const Take& take, int camera) {
+  if (take.archive(camera).is_remote()) return false;
+  const auto& name = take.document().cameras[static_cast<std::size_t>(camera)].archive;
+  const MappedFile file(take.file(name));
+  return read_mapped([&] { return matroska::read_preamble(file.bytes(), name).is_cut; }, file);
 }
 
 TakeSummary::Camera summary_of(const Take& take, int camera) {
@@ -48,6 +58,7 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
     result.recovered = archive.recovered_frames();
     result.damaged_records = archive.damaged_records();
     result.closed = archive.was_closed();
+    result.is_cut = result.lost > 0 || (!result.closed && is_cut(take, camera));
     result.bytes = archive.bytes();
     result.packed = archive.description().codec == FrameCodec::kPacked;
     for (int frame = 0; result.packed && frame < result.frames + result.lost; ++frame) {

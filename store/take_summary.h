@@ -21,6 +21,7 @@ struct TakeSummary {
     std::string id;
     int width = 0, height = 0;  ///< pixels
     int frames = 0;             ///< in the archive
+    bool is_cut = false;        ///< the archive was closed and has become shorter since
     int lost = 0;  ///< stored frames that the archive lost with its end after it had been closed
     std::array<int, kFrameStatusCount> by_status{};  ///< with the lost ones as stored
     int recovered = 0, damaged_records = 0;          ///< see ArchiveReader

@@ -270,7 +270,15 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
     const auto restored = copy->restore_derived(options.dry_run);
     report.files.insert(report.files.end(), restored.begin(), restored.end());
   }
-  if (options.dry_run || report.failed()) return report;
+  if (report.failed()) return report;
+  if (options.dry_run) {
+    const auto loses_frames = [](const RepairReport::Camera& camera) {
+      return !camera.salvage.lost_hashes.empty() || camera.undecodable_frames > 0;
+    };
+    report.is_timeline_renumbered = !copy && exists(ContainedPath{folder, kTimelineFile}) &&
+                                    std::ranges::any_of(report.cameras, loses_frames);
+    return report;
+  }
   mend_timeline(folder, before, report);
   const auto is_list = [](const RepairReport::RestoredFile& file) {
     return file.path == schemas::ImportedDepthsDocument::kFile;

@@ -44,7 +44,8 @@ struct RepairReport {
     std::string error;  ///< why it cannot be taken; empty if it can
   };
   std::vector<RestoredFile> files;
-  /// Whether the timeline has kept its ticks, and lost frames are absent from it now.
+  /// Whether the timeline has kept its ticks, and lost frames are absent from it now, or (dry_run)
+  /// would be.
   bool is_timeline_renumbered = false;
   std::int64_t lost_imported_maps = 0;  ///< depth maps of lost frames
   /// New name of a timeline that no longer matches; empty if it matches, or with dry_run.

@@ -66,6 +66,8 @@ TEST_F(ExportTakes, RottenFramesAreCountedOnce) {
     EXPECT_EQ(result.exit_code, 4) << result.output;
     EXPECT_THAT(result.output, HasSubstr("warning: 1 stored frames are not as they were"));
   }
+  const auto often = exported("images take -o often -q --fps 80");
+  EXPECT_THAT(often.output, HasSubstr("warning: 1 stored frames are not as they were"));
 }
 
 TEST_F(ExportTakes, CamerasWithoutArchivesAreLeftOutOnRequest) {

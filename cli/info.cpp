@@ -126,10 +126,15 @@ void print_archives(const store::TakeSummary& summary, const std::string& folder
   }
   if (cut > 0) {
     line("Archives", fmt::format("{} shorter than when closed: {}", cut, ids_of(summary, is_cut)));
-    print(
-        "  `raystage verify {0}` lists the lost frames, `raystage repair {0} --from COPY` restores "
-        "them\n",
-        folder);
+    const bool has_lost_frames = count_of(summary, [](const Camera& c) { return c.lost > 0; }) > 0;
+    if (has_lost_frames) {
+      print(
+          "  `raystage verify {0}` lists the lost frames, `raystage repair {0} --from COPY` "
+          "restores them\n",
+          folder);
+    } else {
+      print("  no frame is lost; `raystage repair {0}` writes the end again\n", folder);
+    }
   }
   if (not_closed > 0) {
     print(

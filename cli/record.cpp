@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <exception>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -164,16 +166,21 @@ std::optional<schemas::RigDocument> known_rig(const Options& options,
   return std::nullopt;
 }
 
+/// Why cameras could not be opened, by id.
+using OpeningFailures = std::map<std::string, std::exception_ptr>;
+
 /// Opens the simulated cameras. While these sources exist, opening them again allocates little. It
 /// is done before a ceiling holds, because Embree may hang when an allocation fails.
 std::vector<std::unique_ptr<ingest::FrameSource>> open_simulated_cameras(
-    const schemas::RecordConfig& config, const ingest::OpenFrameSource& open) {
+    const schemas::RecordConfig& config, const ingest::OpenFrameSource& open,
+    OpeningFailures& failures) {
   std::vector<std::unique_ptr<ingest::FrameSource>> sources;
   for (const schemas::RecordConfig::Camera& camera : config.cameras) {
     if (!std::holds_alternative<schemas::RecordConfig::SimulatedSource>(camera.source)) continue;
     try {
       sources.push_back(open(camera));
-    } catch (const Error&) {  // open_cameras() reports it
+    } catch (const std::exception&) {
+      failures[camera.id] = std::current_exception();
     }
   }
   return sources;
@@ -307,13 +314,19 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
     print_error("raystage record: opening {} cameras\n", config.cameras.size());
   }
   const std::optional<schemas::RigDocument> rig = known_rig(options, config);
+  const auto failures = std::make_shared<OpeningFailures>();
   const ingest::OpenFrameSource open_source =
-      [folder, permissions = ingest::SourcePermissions{options.allow_filters_with_files}](
-          const schemas::RecordConfig::Camera& camera) {
+      [folder, permissions = ingest::SourcePermissions{options.allow_filters_with_files},
+       failures](const schemas::RecordConfig::Camera& camera) {
+        const auto failure = failures->find(camera.id);
+        if (failure != failures->end()) std::rethrow_exception(failure->second);
         return ingest::open_frame_source(camera, folder, permissions);
       };
   std::vector<std::unique_ptr<ingest::FrameSource>> simulated;
-  if (settings.memory_ceiling) simulated = open_simulated_cameras(config, open_source);
+  if (settings.memory_ceiling) {
+    simulated = open_simulated_cameras(config, open_source, *failures);
+    check_stop();
+  }
   ingest::MemoryBudget no_frames(0);
   std::optional<ingest::MemoryCeiling> ceiling_before_recording;
   hold_ceiling(config, settings.memory_ceiling, no_frames, ceiling_before_recording);

@@ -75,7 +75,6 @@ void print_camera(const store::RepairReport::Camera& camera, bool dry_run) {
   count(s.unverified_frames, "frames added to the journal again, unverified");
   count(s.corrupt_frames, "frames lost, corrupt");
   count(s.truncated_frames, "frames lost, truncated");
-  count(camera.undecodable_frames, "frames lost, of video that refers to lost frames");
   print_losses(s.losses);
   for (const std::string& name : camera.kept) print("  the original is kept as {}\n", name);
 }
@@ -106,12 +105,7 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
   for (const auto& file : report.files) print_file(file, options.dry_run);
   print("{} of {} cameras were intact and are unchanged\n", intact, report.cameras.size());
   if (report.is_timeline_renumbered) {
-    print(options.dry_run
-              ? "The timeline would keep its ticks; the lost frames would be absent from it\n"
-              : "The timeline keeps its ticks; the lost frames are absent from it\n");
-  }
-  if (report.lost_imported_maps > 0) {
-    print("Imported depth maps of lost frames: {}\n", report.lost_imported_maps);
+    print("The timeline keeps its ticks; the lost frames are absent from it\n");
   }
   if (!report.renamed_timeline.empty()) {
     print("The timeline no longer matches and was renamed to {}: run `raystage sync`\n",

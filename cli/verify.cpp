@@ -104,6 +104,11 @@ void print_text(const Options& options, const store::TakeFixityReport& report) {
     if (camera.report.unverified_frames > 0) {
       print("  {}: {}\n", camera.id, unverified_text(camera.report.unverified_frames));
     }
+    if (!camera.undecodable_frames.empty()) {
+      print(
+          "  {}: frames of video that refer to damaged or lost ones and cannot be decoded: {}{}\n",
+          camera.id, camera.undecodable_frames.size(), frames_text(camera.undecodable_frames));
+    }
   }
   const double megabytes = static_cast<double>(report.bytes()) / kBytesPerMb;
   print("{:.1f} MB in {:.3f} s, {:.0f} MB/s\n", megabytes, report.seconds,
@@ -111,16 +116,20 @@ void print_text(const Options& options, const store::TakeFixityReport& report) {
   print_advice(options.take, report);
 }
 
-Json json_of(const store::FixityProblem& problem) {
+Json json_of(const std::vector<store::AffectedFrame>& affected) {
   Json frames = Json::array();
-  for (const store::AffectedFrame& frame : problem.frames) {
+  for (const store::AffectedFrame& frame : affected) {
     frames.push_back({{"frame", frame.number}, {"time_ns", frame.time_ns}});
   }
+  return frames;
+}
+
+Json json_of(const store::FixityProblem& problem) {
   return {{"file", problem.file},
           {"offset", problem.offset},
           {"description", problem.what},
           {"not_closed", problem.not_closed},
-          {"frames", frames}};
+          {"frames", json_of(problem.frames)}};
 }
 
 Json json_of(const std::vector<store::FixityProblem>& problems) {
@@ -140,6 +149,9 @@ Json json_of(const Options& options, const store::TakeFixityReport& report) {
       json["unverified_frames"] = camera.report.unverified_frames;
     }
     json["problems"] = json_of(camera.report.problems);
+    if (!camera.undecodable_frames.empty()) {
+      json["undecodable_frames"] = json_of(camera.undecodable_frames);
+    }
     if (camera.report.omitted_problems > 0)
       json["omitted_problems"] = camera.report.omitted_problems;
     if (!camera.error.empty()) json["error"] = camera.error;

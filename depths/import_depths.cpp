@@ -26,6 +26,7 @@
 #include "base/options.h"
 #include "base/parallel.h"
 #include "depths/depth_image.h"
+#include "depths/fit_maps.h"
 #include "depths/import_lock.h"
 #include "depths/map_checks.h"
 #include "render/depth/imported_maps.h"
@@ -228,6 +229,7 @@ class Importer {
   DepthImportReport run(const std::vector<Source>& sources) {
     require_contained(take_.file(Document::kFile));
     Document document = store::read_imported_depths(take_);
+    const std::size_t lost = fit_maps_to_frames(document, take_);
     require_new(document, sources);
     begin_list();
     std::vector<Document::Map> maps(sources.size());
@@ -242,6 +244,10 @@ class Importer {
     DepthImportReport report = list(document, sources, maps);
     lock_.remove_unlisted(take_, document);
     report.notes = notes_about(findings, names_of(sources));
+    if (lost > 0) {
+      report.notes.push_back(
+          fmt::format("maps of frames that the take no longer has were removed: {}", lost));
+    }
     for (const MapFindings& found : findings) report.too_near += found.too_near;
     return report;
   }

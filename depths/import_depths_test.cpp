@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 #include <string>
@@ -19,6 +20,7 @@
 #include "render/common/image_quality.h"
 #include "render/depth/depth_file.h"
 #include "render/depth/imported_maps.h"
+#include "store/fixity/repair.h"
 #include "store/fixity/verify.h"
 #include "store/imported_depths.h"
 #include "store/packing/pack_temporal.h"
@@ -197,7 +199,7 @@ TEST_F(ImportDepths, AMapComesBackAndUnknownDepthsStayUnknown) {
   EXPECT_EQ(entry->source, id + "/000001.exr");
   EXPECT_NEAR(entry->unknown_share, 3 / (96.0 * 72), 1e-9);
   EXPECT_EQ(document.imports.at(0).encoding, "EXR, channel Z, planar depth, 1 m a unit");
-  const render::InverseDepthMap map = render::read_imported_map(take, 0, *entry);
+  const render::InverseDepthMap map = render::read_imported_map(take, 0, 0, *entry);
   for (std::size_t i = 0; i < z.size(); ++i) {
     if (std::isnan(z[i])) {
       EXPECT_EQ(map.values[i], render::kUnknownDepth);
@@ -348,6 +350,68 @@ TEST_F(ImportDepths, MapsWithoutTheirListAreNeitherForgottenNorRemoved) {
   EXPECT_THAT(problems[0].what, HasSubstr("is missing"));
 }
 
+/// Gives the frames of the first camera, which show the same, a comment each.
+void make_frames_differ(const store::Take& take) {
+  const auto& entry = take.document().cameras[0];
+  const store::ArchiveReader& archive = take.archive(0);
+  const fs::path archive_file = take.folder() / "new.mkv", journal = take.folder() / "new.journal";
+  store::ArchiveWriter out(archive_file, journal, archive.description());
+  for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
+    const auto jpeg = archive.jpeg(i);
+    std::vector<std::byte> bytes(jpeg.begin(), jpeg.end());
+    const std::array comment{std::byte{0xff}, std::byte{0xfe}, std::byte{0}, std::byte{3},
+                             static_cast<std::byte>(i)};
+    bytes.insert(bytes.begin() + 2, comment.begin(), comment.end());
+    out.append(bytes, archive.frames()[i].time_ns);
+  }
+  out.close();
+  fs::rename(archive_file, take.folder() / entry.archive);
+  fs::rename(journal, take.folder() / entry.journal);
+}
+
+TEST_F(ImportDepths, MapsStayWithTheirFramesWhenARepairLosesOthers) {
+  settings_ = slanted(1, 2);
+  settings_.frames = 4;
+  make_frames_differ(write(settings_));
+  const store::Take whole(folder_.path() / "take");
+  const std::string id = whole.document().cameras[0].id;
+  create_folder(maps() / id);
+  for (int i = 1; i <= 4; ++i) {
+    images::write_depth_image(96, 72, std::vector<float>(96UL * 72, static_cast<float>(1 + i)),
+                              maps() / id / ("00000" + std::to_string(i) + ".exr"));
+  }
+  store::write_timeline(store::build_timeline(whole, 15, 0), whole);
+  import_depths(whole, maps(), {}, {});
+  const Document list = store::read_imported_depths(whole);
+  const fs::path archive = whole.folder() / whole.document().cameras[0].archive;
+  std::string bytes = read_file(archive);
+  bytes[static_cast<std::size_t>(whole.archive(0).frames()[1].offset) + 40] ^= 1;
+  write_file_atomically(archive, bytes);
+  ASSERT_TRUE(store::repair_take(whole.folder(), {}).has_losses());
+
+  const store::Take take(whole.folder());
+  ASSERT_EQ(take.archive(0).frames().size(), 3U);
+  for (const auto& [frame, before] : {std::pair{0, 0}, std::pair{1, 2}, std::pair{2, 3}}) {
+    EXPECT_EQ(render::find_imported_map(list, take, 0, frame), list.find(id, before));
+    EXPECT_EQ(
+        render::read_imported_map(take, 0, frame, *list.find(id, before)).values[0],
+        render::read_imported_map(take, 0, frame, *render::find_imported_map(list, take, 0, frame))
+            .values[0]);
+  }
+  // The next import numbers them anew.
+  fs::remove_all(maps());
+  create_folder(maps() / id);
+  images::write_depth_image(96, 72, std::vector<float>(96UL * 72, 9), maps() / id / "000001.exr");
+  DepthImportOptions options;
+  options.overwrites = true;
+  options.numbers = MapNumbers::kRecorded;
+  const DepthImportReport report = import_depths(take, maps(), options, {});
+  EXPECT_THAT(report.notes, Contains(HasSubstr("no longer has were removed: 1")));
+  const Document now = store::read_imported_depths(take);
+  ASSERT_EQ(now.cameras[0].maps.size(), 3U);
+  EXPECT_EQ(now.find(id, 2)->file, list.find(id, 3)->file);
+}
+
 TEST_F(ImportDepths, ImplausibleUnitsAreNoted) {
   const store::Take take = write_step(1, 2);
   write_maps(take);
@@ -376,7 +440,7 @@ TEST_F(ImportDepths, APixelThatIsMuchTooNearLeavesTheOthersPrecise) {
                                               HasSubstr(": " + ids[0] + "/000001.exr"))));
   const Document document = store::read_imported_depths(take);
   const auto map_of = [&](int camera) {
-    return render::read_imported_map(take, camera,
+    return render::read_imported_map(take, camera, 0,
                                      *document.find(ids[static_cast<std::size_t>(camera)], 0));
   };
   render::InverseDepthMap spoiled = map_of(0);

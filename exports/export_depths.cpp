@@ -93,7 +93,7 @@ class RecordedDepths {
       const ImportedMaps::Map* map = imported_map(i, tick);
       if (map == nullptr) return;
       const rig::CameraModel& model = take_.rig().cameras[i].model;
-      maps[i] = render::read_imported_map(take_, static_cast<int>(i), *map);
+      maps[i] = render::read_imported_map(take_, static_cast<int>(i), tick.frame[i], *map);
       render::convert_recorded_depths(maps[i], model,
                                       map->quantity == ImportedMaps::Quantity::kInverseDepth
                                           ? render::DepthQuantity::kPlanar
@@ -111,7 +111,8 @@ class RecordedDepths {
                                         const store::FrameSelection& tick) const {
     return tick.frame[camera] < 0
                ? nullptr
-               : imported_.find(take_.document().cameras[camera].id, tick.frame[camera]);
+               : render::find_imported_map(imported_, take_, static_cast<int>(camera),
+                                           tick.frame[camera]);
   }
 
   void add_estimated(const store::FrameSelection& tick, std::vector<InverseDepthMap>& maps) {

@@ -62,7 +62,7 @@ TEST_F(ExportDepths, ImportedMapsComeBackFromBothFormats) {
   depths::import_depths(take, out("maps"), {}, {});
   const auto stored = [&] {
     const auto document = store::read_imported_depths(take);
-    return render::read_imported_map(take, 0, *document.find(take.document().cameras[0].id, 0));
+    return render::read_imported_map(take, 0, 0, *document.find(take.document().cameras[0].id, 0));
   };
   const InverseDepthMap first = stored();
   DepthExportOptions options = to(out("png"));

@@ -59,7 +59,7 @@ bool SourceFrames::load(ChosenFrame& frame) {
       loaded_ns_ = frame.source_ns;
       return true;
     }
-    if (!frame.is_held) ++counts_.rotten;  // otherwise it stands for others as well
+    if (rotten_.insert(frame.source).second) ++counts_.rotten;  // it may be shown several times
     frame.is_held = true;
     if (absent_ == AbsentFrames::kGap) return false;
     const bool can_hold = absent_ != AbsentFrames::kBlack && loaded_ != kNoFrame;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -53,6 +54,7 @@ class SourceFrames {
   std::vector<std::byte> bytes_;
   store::DeepPicture deep_;  ///< instead of bytes_, if has_deep_pictures_
   Nanoseconds loaded_ns_ = 0;
+  std::set<int> rotten_;  ///< sources
   store::JpegDecoder decoder_;
   store::RgbImage picture_;
   ExportReport::Camera counts_;

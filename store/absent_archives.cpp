@@ -56,7 +56,8 @@ std::string describe_missing_archives(const Take& take) {
   }
   if (missing.empty()) return "";
   return fmt::format(
-      "{}: the archives of {} of {} cameras are missing: {}; they are absent from all frames",
+      "{}: the archives of {} of {} cameras are missing: {}; these cameras are absent from all "
+      "frames",
       take.folder().string(), missing.size(), take.camera_count(), fmt::join(missing, ", "));
 }
 

@@ -84,6 +84,7 @@ const ArchiveReader* readable_archive(const TakeArchives& take, int camera) {
     return nullptr;
   }
   if (!archive->is_remote()) return archive;
+  if (archive->records().empty()) return nullptr;  // missing, which is accepted
   throw Error::failed("frames of the take refer to camera \"" + archive->description().camera_id +
                           "\", whose archive is on another host",
                       "", "Put the take in a folder that every host can read");

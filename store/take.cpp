@@ -29,20 +29,6 @@ const fs::path& checked_take(const fs::path& folder) {
                          folder.string(), "Give the folder of a take, which has take.json");
 }
 
-/// Returns what `read` returns. Where the file is damaged, the error also says how to restore it.
-template <class Read>
-auto read_restorable(const ContainedPath& file, const Read& read) {
-  try {
-    return read(file);
-  } catch (const Error& error) {
-    if (error.exit_code() != ExitCode::kBadInput) throw;
-    throw Error::bad_input(
-        error.what_happened(), error.where(),
-        error.what_to_do() + "; if it was damaged, `raystage repair TAKE --from COPY` restores it")
-        .concerning(error.settings());
-  }
-}
-
 }  // namespace
 
 struct Take::State : TakeArchives {
@@ -55,11 +41,8 @@ struct Take::State : TakeArchives {
   State(std::filesystem::path path, std::shared_ptr<const RemoteArchives> others)
       : folder(std::move(path)),
         remote(std::move(others)),
-        document(read_restorable({checked_take(folder), "take.json"},
-                                 [](const auto& file) { return schemas::read_take(file); })),
-        rig(read_restorable(
-            {folder, "rig.json"},
-            [](const auto& file) { return rig::rig_from_document(schemas::read_rig(file)); })),
+        document(schemas::read_take(ContainedPath{checked_take(folder), "take.json"})),
+        rig(rig::rig_from_document(schemas::read_rig(ContainedPath{folder, "rig.json"}))),
         slots(document.cameras.size()) {}
 
   void check_cameras() const;
@@ -106,8 +89,8 @@ ArchiveReader Take::State::open(std::size_t camera) const {
   if (!exists(ContainedPath{folder, entry.archive})) {
     throw Error::bad_input("the archive of camera \"" + entry.id + "\" is missing",
                            (folder / entry.archive).string(),
-                           "Restore it from a copy of the take; `raystage render "
-                           "--missing-archives absent` leaves the camera out");
+                           "Restore it from a copy of the take; `raystage render` and `raystage "
+                           "export` leave the camera out with --missing-archives absent");
   }
   ArchiveReader reader(ContainedPath{folder, entry.archive}, ContainedPath{folder, entry.journal},
                        buffers, unpacked);

@@ -38,7 +38,7 @@ const Document::Map* ImportedDepths::find(const LightFieldFrame& instant, int ca
   if (document_.cameras.empty() || frame < 0) return nullptr;
   if (instant.cache->sources_of(frame)) return nullptr;  // interpolated between two frames
   const int of_take = instant.camera_of_take.empty() ? camera : instant.camera_of_take[camera];
-  return document_.find(instant.take->document().cameras[of_take].id, frame);
+  return find_imported_map(document_, *instant.take, of_take, frame);
 }
 
 bool ImportedDepths::covers(const LightFieldFrame& instant,
@@ -67,9 +67,9 @@ bool ImportedDepths::replace(const LightFieldFrame& instant, const DepthEstimati
     const DepthQuantity quantity = map.quantity == Document::Quantity::kInverseDistance
                                        ? DepthQuantity::kDistance
                                        : DepthQuantity::kPlanar;
-    depths.maps[camera] = undistorted_depths(read_imported_map(*instant.take, of_take, map),
-                                             quantity, instant.rig->cameras[camera].model,
-                                             depths.pinholes[camera], same_surface);
+    depths.maps[camera] = undistorted_depths(
+        read_imported_map(*instant.take, of_take, instant.frame_of_camera[camera], map), quantity,
+        instant.rig->cameras[camera].model, depths.pinholes[camera], same_surface);
   });
   return !cameras.empty();
 }

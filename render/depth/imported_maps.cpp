@@ -6,8 +6,10 @@
 #include <fmt/format.h>
 #include <xxhash.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <span>
 
@@ -16,6 +18,7 @@
 #include "base/error.h"
 #include "base/mapped_file.h"
 #include "render/depth/depth_file.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::render {
 namespace {
@@ -32,6 +35,13 @@ std::uint64_t number_from_hex(std::string_view digits) {
   constexpr int kBase = 16;
   std::from_chars(digits.data(), digits.data() + digits.size(), number, kBase);
   return number;
+}
+
+/// Returns whether a map states the JPEG of a frame.
+bool belongs_to(const ImportedDocument::Map& map, const store::Take& take, int camera, int frame) {
+  // Earlier versions named a frame of video by its own bytes.
+  return imported_frame_xxh3(take, camera, frame) == map.frame_xxh3 ||
+         number_from_hex(map.frame_xxh3) == take.archive(camera).jpeg_xxh3(frame);
 }
 
 }  // namespace
@@ -56,7 +66,35 @@ std::vector<std::byte> encode_imported_map(const InverseDepthMap& map,
   return bytes;
 }
 
-InverseDepthMap read_imported_map(const store::Take& take, int camera,
+const ImportedDocument::Map* find_imported_map(const ImportedDocument& document,
+                                               const store::Take& take, int camera, int frame) {
+  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+  const auto of_camera = std::ranges::find(document.cameras, id, &ImportedDocument::Camera::id);
+  if (of_camera == document.cameras.end()) return nullptr;
+  const ImportedDocument::Map* const same_number = document.find(id, frame);
+  const store::ArchiveReader& archive = take.archive(camera);
+  // Reading a map compares it with its frame again.
+  if (archive.is_remote()) return same_number;
+  try {
+    if (same_number != nullptr && belongs_to(*same_number, take, camera, frame)) return same_number;
+    const ImportedDocument::Map* nearest = nullptr;  // equal pictures have equal hashes
+    for (const ImportedDocument::Map& map : of_camera->maps) {
+      if (!belongs_to(map, take, camera, frame)) continue;
+      if (nearest == nullptr || std::abs(map.frame - frame) < std::abs(nearest->frame - frame)) {
+        nearest = &map;
+      }
+    }
+    if (nearest != nullptr) return nearest;
+  } catch (const store::RottenFrame&) {
+    return same_number;
+  }
+  const auto records = archive.records();
+  const bool lost_frames = std::ranges::find(records, store::FrameStatus::kTorn,
+                                             &store::FrameRecord::status) != records.end();
+  return lost_frames ? nullptr : same_number;
+}
+
+InverseDepthMap read_imported_map(const store::Take& take, int camera, int frame,
                                   const ImportedDocument::Map& map) {
   const ContainedPath file = take.file(fs::path(ImportedDocument::kFolder) / map.file);
   const std::string name = file.path().string();
@@ -67,13 +105,11 @@ InverseDepthMap read_imported_map(const store::Take& take, int camera,
                     map.height, kMaxImportedPixels >> 20U),
         name, kImportAgain);
   }
-  // Earlier versions named a frame of video by its own bytes.
-  if (imported_frame_xxh3(take, camera, map.frame) != map.frame_xxh3 &&
-      number_from_hex(map.frame_xxh3) != take.archive(camera).jpeg_xxh3(map.frame)) {
+  if (!belongs_to(map, take, camera, frame)) {
     throw Error::bad_input(
         fmt::format("the imported depth map belongs to another picture than frame {} of camera "
                     "\"{}\"",
-                    map.frame, take.document().cameras[camera].id),
+                    frame, take.document().cameras[camera].id),
         name, kImportAgain);
   }
   VirtualCamera size;

@@ -22,9 +22,15 @@ std::string imported_frame_xxh3(const store::Take& take, int camera, int frame);
 /// the recorded picture. `frame_xxh3`: of the frame to which it belongs.
 std::vector<std::byte> encode_imported_map(const InverseDepthMap& map,
                                            const std::string& frame_xxh3);
-/// Returns an imported map of a take. Throws Error (bad input) if the file is missing or damaged,
+/// Returns the map of a frame, or null if there is none. A map belongs to the frame whose JPEG it
+/// states, also if a repair has given the frame another number. If the map of this number is of
+/// another frame for no such reason, it is returned, and reading it throws.
+const schemas::ImportedDepthsDocument::Map* find_imported_map(
+    const schemas::ImportedDepthsDocument& document, const store::Take& take, int camera,
+    int frame);
+/// Returns an imported map of a frame. Throws Error (bad input) if the file is missing or damaged,
 /// or if it belongs to another frame.
-InverseDepthMap read_imported_map(const store::Take& take, int camera,
+InverseDepthMap read_imported_map(const store::Take& take, int camera, int frame,
                                   const schemas::ImportedDepthsDocument::Map& map);
 
 }  // namespace raystage::render

@@ -32,7 +32,6 @@ struct RepairReport {
     bool repaired = false;    ///< false with dry_run
     SalvageResult salvage;    ///< empty if it was intact; with a copy: only frames and losses
     std::int64_t frames_from_copy = 0;
-    std::int64_t undecodable_frames = 0;  ///< of video, lost because they refer to lost ones
     /// New names of the originals; empty if nothing was lost or in doubt.
     std::vector<std::string> kept;
     std::string error;  ///< why it cannot be repaired; empty if it can
@@ -44,10 +43,8 @@ struct RepairReport {
     std::string error;  ///< why it cannot be taken; empty if it can
   };
   std::vector<RestoredFile> files;
-  /// Whether the timeline has kept its ticks, and lost frames are absent from it now, or (dry_run)
-  /// would be.
+  /// Whether the timeline has kept its ticks, and lost frames are absent from it now.
   bool is_timeline_renumbered = false;
-  std::int64_t lost_imported_maps = 0;  ///< depth maps of lost frames
   /// New name of a timeline that no longer matches; empty if it matches, or with dry_run.
   std::string renamed_timeline;
   RunStatus status = RunStatus::kNotRun;
@@ -61,8 +58,6 @@ struct RepairReport {
 /// over them. Originals with lost or unverified contents are kept as CAMERA.mkv.damaged and
 /// CAMERA.journal.damaged. Repairs as many cameras at once as TBB has threads, and needs free space
 /// for that many of the largest damaged archives.
-///
-/// Frames of video that refer to lost frames, directly or through others, are lost as well.
 ///
 /// With a copy, frames and records that are damaged or missing are taken from it (merge_pairs.h),
 /// and so are missing files, and documents that cannot be read. Nothing in the copy is changed.

@@ -27,8 +27,8 @@
 #include "store/fixity/manifest.h"
 #include "store/fixity/merge_pairs.h"
 #include "store/fixity/replace_pair.h"
+#include "store/fixity/restorable_depths.h"
 #include "store/fixity/verify.h"
-#include "store/imported_depths.h"
 #include "store/matroska.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
@@ -236,14 +236,6 @@ bool is_further(const RecordingDocument& copy, const RecordingDocument& own) {
          !own.sessions.back().stopped_utc;
 }
 
-/// Returns whether a file is an imported depth map that is damaged in a take, not in its copy.
-bool is_damaged_map(const std::string& file, const fs::path& take, const fs::path& copy) {
-  if (!file.starts_with(ImportedDepthsDocument::kFolder) || !file.ends_with(".zst")) return false;
-  bool is_intact = false;
-  succeeds([&] { is_intact = has_stated_hash({take, file}); });
-  return !is_intact && succeeds([&] { is_intact = has_stated_hash({copy, file}); }) && is_intact;
-}
-
 }  // namespace
 
 CopyOfTake::CopyOfTake(fs::path take, fs::path copy)
@@ -319,11 +311,13 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_documents(bool dry_r
   const auto never = [] { return false; };
   restore_invalid(kTakeFile, check_take, check_take, never);
   restore_invalid(kRigFile, check_rig, check_rig, never);
-  if (const char* const maps = ImportedDepthsDocument::kFile; is_name_taken(copy_ / maps)) {
+  if (const ContainedPath maps{take_, ImportedDepthsDocument::kFile};
+      is_contained(maps) && is_name_taken(copy_ / maps.relative)) {
     const auto check = [](const std::string& text) {
       schemas::parse_imported_depths(text, ImportedDepthsDocument::kFile);
     };
-    restore_invalid(maps, check, check, never);
+    const auto check_copy = [&](const std::string& text) { check_list_of_maps(take_, text); };
+    restore_invalid(maps.relative, check, check_copy, never);
   }
   for (const std::string& file : files_of_take(copy_)) {
     if (!file.starts_with("recording/") || !file.ends_with(".json")) continue;
@@ -376,7 +370,8 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_derived(bool dry_run
   std::vector<RepairReport::RestoredFile> restored;
   for (const std::string& file : files_of_take(copy_)) {
     const bool elsewhere = file == kTakeFile || file == kRigFile || file == kTimelineFile ||
-                           file.starts_with("archive/") || file.starts_with("recording/");
+                           file == ImportedDepthsDocument::kFile || file.starts_with("archive/") ||
+                           file.starts_with("recording/");
     // What a repair of the copy has set aside.
     const bool set_aside = fs::path(file).extension().string().starts_with(".damaged");
     if (elsewhere || set_aside) continue;

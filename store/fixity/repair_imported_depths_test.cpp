@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests that repairs keep imported depth maps with their frames, and restore them from a copy.
+// Tests that repairs leave imported depth maps as they are, or restore them from a copy.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -19,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using Document = schemas::ImportedDepthsDocument;
 
@@ -56,12 +57,6 @@ class RepairImportedDepths : public ::testing::Test {
   fs::path map_of(int frame) const {
     return take / Document::kFolder / read_imported_depths(Take(copy)).find("c0", frame)->file;
   }
-  std::vector<int> mapped_frames() const {
-    std::vector<int> frames;
-    const Document document = read_imported_depths(Take(take));
-    for (const Document::Map& map : document.cameras[0].maps) frames.push_back(map.frame);
-    return frames;
-  }
   static void flip_in(const fs::path& file, std::size_t at) {
     auto bytes = testing::bytes_of(file);
     bytes[at] ^= std::byte{8};
@@ -81,26 +76,15 @@ class RepairImportedDepths : public ::testing::Test {
   fs::path take = folder.path() / "take", copy = folder.path() / "copy";
 };
 
-TEST_F(RepairImportedDepths, MapsStayWithTheirFramesWhenOthersAreLost) {
-  const auto map_of_last = read_imported_depths(Take(take)).find("c0", 5)->file;
+// Maps are found by the hash of their frame, so that those of a lost frame come back with it.
+TEST_F(RepairImportedDepths, TheListStaysAsItIs) {
+  const auto list = testing::bytes_of(take / Document::kFile);
   flip_in(take / "archive/c0.mkv", Take(take).archive(0).frames()[3].offset + 4);
-  const RepairReport report = repair_take(take, {});
-  EXPECT_TRUE(report.has_losses());
-  EXPECT_EQ(report.lost_imported_maps, 1);
-  EXPECT_THAT(mapped_frames(), ElementsAre(0, 1, 2, 3, 4));
-  EXPECT_EQ(read_imported_depths(Take(take)).find("c0", 4)->file, map_of_last);
+  EXPECT_TRUE(repair_take(take, {}).has_losses());
+  EXPECT_EQ(testing::bytes_of(take / Document::kFile), list);
   EXPECT_TRUE(is_intact());
-  // The frame comes back from the copy: the maps after it move along.
   repair_take(take, {.copy = copy});
   EXPECT_EQ(Take(take).archive(0).frames().size(), static_cast<std::size_t>(kMappedFrames));
-  EXPECT_THAT(mapped_frames(), ElementsAre(0, 1, 2, 4, 5));
-  EXPECT_EQ(read_imported_depths(Take(take)).find("c0", 5)->file, map_of_last);
-}
-
-TEST_F(RepairImportedDepths, MapsOfAnIntactTakeAreNotTouched) {
-  const auto list = testing::bytes_of(take / Document::kFile);
-  flip_in(take / "archive/c1.mkv", Take(take).archive(1).frames()[3].offset + 4);
-  EXPECT_EQ(repair_take(take, {}).lost_imported_maps, 0);
   EXPECT_EQ(testing::bytes_of(take / Document::kFile), list);
 }
 
@@ -139,14 +123,25 @@ TEST_F(RepairImportedDepths, MapsThatTheCopyHasDamagedTooStay) {
   EXPECT_FALSE(is_intact());
 }
 
-// Of an archive that ends early and comes back whole, the maps have the right numbers already.
-TEST_F(RepairImportedDepths, ARestoredArchiveKeepsItsMaps) {
-  const auto list = testing::bytes_of(take / Document::kFile);
-  fs::remove(take / "archive/c0.mkv");
-  fs::remove(take / "archive/c0.journal");
-  EXPECT_EQ(repair_take(take, {.copy = copy}).lost_imported_maps, 0);
-  EXPECT_EQ(testing::bytes_of(take / Document::kFile), list);
-  EXPECT_TRUE(is_intact());
+// With the list of a copy that has fewer maps, the next import would remove the others.
+TEST_F(RepairImportedDepths, AListThatLacksMapsIsNotTaken) {
+  fs::remove(take / Document::kFile);
+  schemas::write_imported_depths({}, copy / Document::kFile);
+  for (const bool dry_run : {true, false}) {
+    const RepairReport report = repair_take(take, {.dry_run = dry_run, .copy = copy});
+    EXPECT_TRUE(report.failed());
+    ASSERT_EQ(report.files.size(), 1U);
+    EXPECT_THAT(report.files[0].error, HasSubstr("lacks depth maps that are here, such as c0/"));
+  }
+  EXPECT_FALSE(fs::exists(take / Document::kFile));
+}
+
+TEST_F(RepairImportedDepths, AFolderBehindALinkIsLeftAlone) {
+  fs::rename(take / Document::kFolder, folder.path() / "elsewhere");
+  fs::create_directory_symlink(folder.path() / "elsewhere", take / Document::kFolder);
+  const RepairReport report = repair_take(take, {.copy = copy});
+  EXPECT_FALSE(report.failed());
+  EXPECT_THAT(report.files, IsEmpty());
 }
 
 }  // namespace

@@ -1,20 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// Follows the links of video frames (store/temporal/temporal_frame.h). Frames are taken by their
-// position in the group, so that those to which a frame refers come before it; across cameras, the
-// frames of all archives are one set. Cost: the first bytes of each frame, and a sort.
+// Follows the links of video frames (store/temporal/temporal_frame.h). Within an archive each frame
+// refers to the one before it. Across cameras a group is of one instant: frames are taken in slices
+// of time, and in each by their position in the group. Links are read from the frames and not
+// inferred from an archive's header, which may be damaged. Cost: the first bytes of each frame;
+// memory for the frames of a slice.
 #include "store/fixity/undecodable_frames.h"
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 
-#include "base/error.h"
+#include "base/contained_path.h"
 #include "base/mapped_file.h"
 #include "store/temporal/temporal_frame.h"
 
 namespace raystage::store {
 namespace {
+
+constexpr Nanoseconds kSlice = 60 * kNanosecondsPerSecond;
+constexpr Nanoseconds kInstant = 2 * kNanosecondsPerSecond;  // much longer than an instant lasts
 
 struct LinkedFrame {
   int camera = 0;
@@ -23,41 +30,81 @@ struct LinkedFrame {
   std::uint64_t hash = 0;
 };
 
-/// Appends the frames of an archive that have a link, and are not damaged themselves.
-void read_links(const Take& take, int camera, const std::set<Nanoseconds>& damaged,
-                std::vector<LinkedFrame>& frames) {
-  const ArchiveReader& archive = take.archive(camera);
-  const MappedFile file(
-      take.file(take.document().cameras[static_cast<std::size_t>(camera)].archive));
-  file.expect(MappedFile::Access::kSparse);
-  std::int64_t number = -1;
-  for (const FrameRecord& record : archive.frames()) {
-    ++number;
-    const std::uint64_t end = file.bytes().size();
-    if (damaged.contains(record.time_ns) || record.offset > end ||
-        record.size > end - record.offset) {
-      continue;
-    }
-    const auto bytes = file.bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
-    const auto start = bytes.first(std::min(bytes.size(), kFrameLinkBytes));
-    const auto link = file.can_read(start) ? read_frame_link(start) : std::nullopt;
-    if (!link) continue;  // no video: decoded without others
-    if (record.xxh3 == 0 && !file.can_read(bytes)) continue;
-    const std::uint64_t hash = record.xxh3 != 0 ? record.xxh3 : hash_of_stored(bytes);
-    frames.push_back({camera, {number, record.time_ns}, *link, hash});
+/// Reads the links of an archive's frames.
+class LinkReader {
+ public:
+  LinkReader(const Take& take, int camera, const FrameTimes& damaged)
+      : camera_(camera), frames_(take.archive(camera).frames()) {
+    const auto index = static_cast<std::size_t>(camera);
+    file_ = std::make_unique<MappedFile>(take.file(take.document().cameras[index].archive));
+    file_->expect(MappedFile::Access::kSparse);
+    if (index < damaged.size()) damaged_ = &damaged[index];
   }
+
+  std::size_t count() const { return frames_.size(); }
+  Nanoseconds time(std::size_t number) const { return frames_[number].time_ns; }
+  /// Returns the number of the first frame at or after a time.
+  std::size_t first_from(Nanoseconds time) const {
+    const auto found = std::ranges::lower_bound(frames_, time, {}, &FrameRecord::time_ns);
+    return static_cast<std::size_t>(found - frames_.begin());
+  }
+  /// Returns a frame with its link; nullopt if it is damaged or lost, or no video.
+  std::optional<LinkedFrame> read(std::size_t number) const {
+    const FrameRecord& record = frames_[number];
+    const std::uint64_t end = file_->bytes().size();
+    const bool is_damaged = damaged_ != nullptr && damaged_->contains(record.time_ns);
+    if (is_damaged || record.offset > end || record.size > end - record.offset) return std::nullopt;
+    const auto bytes = file_->bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
+    const auto start = bytes.first(std::min(bytes.size(), kFrameLinkBytes));
+    const auto link = file_->can_read(start) ? read_frame_link(start) : std::nullopt;
+    if (!link || (record.xxh3 == 0 && !file_->can_read(bytes))) return std::nullopt;
+    const std::uint64_t hash = record.xxh3 != 0 ? record.xxh3 : hash_of_stored(bytes);
+    return LinkedFrame{camera_, {static_cast<std::int64_t>(number), record.time_ns}, *link, hash};
+  }
+
+ private:
+  int camera_;
+  std::span<const FrameRecord> frames_;
+  std::unique_ptr<MappedFile> file_;
+  const std::set<Nanoseconds>* damaged_ = nullptr;
+};
+
+/// Within an archive.
+std::vector<AffectedFrame> undecodable_frames_of(const LinkReader& archive,
+                                                 const std::stop_token& stop) {
+  std::vector<AffectedFrame> undecodable;
+  std::optional<LinkedFrame> last;  // if it can be decoded
+  for (std::size_t i = 0; i < archive.count() && !stop.stop_requested(); ++i) {
+    const auto frame = archive.read(i);
+    const bool continues = frame && last && frame->link.position == last->link.position + 1 &&
+                           frame->link.previous == last->hash;
+    if (frame && frame->link.position > 0 && !continues) {
+      undecodable.push_back(frame->frame);
+      last.reset();
+    } else {
+      last = frame;
+    }
+  }
+  return undecodable;
 }
 
-/// Sorts out the frames that can be decoded, and appends the others to those of their camera.
-void follow_links(std::vector<LinkedFrame>& frames,
-                  std::vector<std::vector<AffectedFrame>>& undecodable) {
+/// Across cameras: adds those of a slice of time.
+void add_undecodable_frames(const std::vector<LinkReader>& archives, Nanoseconds begin,
+                            std::vector<std::vector<AffectedFrame>>& undecodable) {
+  std::vector<LinkedFrame> frames;
+  for (const LinkReader& archive : archives) {
+    const std::size_t end = archive.first_from(begin + kSlice + kInstant);
+    for (std::size_t i = archive.first_from(begin - kInstant); i < end; ++i) {
+      if (auto frame = archive.read(i)) frames.push_back(*frame);
+    }
+  }
   std::ranges::stable_sort(frames, {}, [](const LinkedFrame& f) { return f.link.position; });
   std::set<std::pair<std::uint32_t, std::uint64_t>> decodable;  // position and hash
   for (const LinkedFrame& frame : frames) {
     const FrameLink& link = frame.link;
     if (link.position == 0 || decodable.contains({link.position - 1, link.previous})) {
       decodable.emplace(link.position, frame.hash);
-    } else {
+    } else if (frame.frame.time_ns >= begin && frame.frame.time_ns < begin + kSlice) {
       undecodable[static_cast<std::size_t>(frame.camera)].push_back(frame.frame);
     }
   }
@@ -66,42 +113,37 @@ void follow_links(std::vector<LinkedFrame>& frames,
 }  // namespace
 
 std::vector<std::vector<AffectedFrame>> find_undecodable_frames(const Take& take,
-                                                                const FrameTimes& damaged) {
-  const auto cameras = static_cast<std::size_t>(take.camera_count());
-  std::vector<std::vector<AffectedFrame>> undecodable(cameras);
-  std::vector<LinkedFrame> across_cameras;
-  for (std::size_t i = 0; i < cameras; ++i) {
-    const int camera = static_cast<int>(i);
-    try {
-      const FrameCodec codec = take.archive(camera).description().codec;
-      if (!is_temporal(codec)) continue;
-      std::vector<LinkedFrame> of_archive;
-      std::vector<LinkedFrame>& frames = refers_to_cameras(codec) ? across_cameras : of_archive;
-      read_links(take, camera, i < damaged.size() ? damaged[i] : std::set<Nanoseconds>(), frames);
-      follow_links(of_archive, undecodable);
-    } catch (const Error& error) {  // a problem of the archive itself
-      if (error.exit_code() != ExitCode::kBadInput) throw;
+                                                                const FrameTimes& damaged,
+                                                                const std::stop_token& stop) {
+  std::vector<std::vector<AffectedFrame>> undecodable(
+      static_cast<std::size_t>(take.camera_count()));
+  std::vector<LinkReader> archives;
+  bool refer_to_cameras = false;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const auto index = static_cast<std::size_t>(camera);
+    if (!exists(take.file(take.document().cameras[index].archive))) continue;
+    const FrameCodec codec = take.archive(camera).description().codec;
+    refer_to_cameras = refer_to_cameras || refers_to_cameras(codec);
+    if (!refer_to_cameras && is_temporal(codec)) {
+      undecodable[index] = undecodable_frames_of({take, camera, damaged}, stop);
     }
   }
-  follow_links(across_cameras, undecodable);
+  if (!refer_to_cameras) return undecodable;
+  Nanoseconds end = 0;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const auto index = static_cast<std::size_t>(camera);
+    undecodable[index].clear();
+    if (!exists(take.file(take.document().cameras[index].archive))) continue;
+    const LinkReader& archive = archives.emplace_back(take, camera, damaged);
+    if (archive.count() > 0) end = std::max(end, archive.time(archive.count() - 1) + 1);
+  }
+  for (Nanoseconds begin = 0; begin < end && !stop.stop_requested(); begin += kSlice) {
+    add_undecodable_frames(archives, begin, undecodable);
+  }
   for (std::vector<AffectedFrame>& frames : undecodable) {
     std::ranges::sort(frames, {}, &AffectedFrame::number);
   }
   return undecodable;
-}
-
-bool has_torn_records(const Take& take) {
-  for (int camera = 0; camera < take.camera_count(); ++camera) {
-    try {
-      const auto records = take.archive(camera).records();
-      if (std::ranges::find(records, FrameStatus::kTorn, &FrameRecord::status) != records.end()) {
-        return true;
-      }
-    } catch (const Error& error) {  // a problem of the archive itself
-      if (error.exit_code() != ExitCode::kBadInput) throw;
-    }
-  }
-  return false;
 }
 
 }  // namespace raystage::store

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <set>
+#include <stop_token>
 #include <vector>
 
 #include "store/fixity/verify_archive.h"
@@ -13,13 +14,12 @@ namespace raystage::store {
 using FrameTimes = std::vector<std::set<Nanoseconds>>;
 
 /// Returns, by camera, the stored frames of video that cannot be decoded although their own bytes
-/// are whole: a frame to which they refer, directly or through others, is lost or in `damaged`
-/// (empty: none is damaged). Decodes nothing; reads the beginning of each frame of video.
+/// are whole: a frame to which they refer, directly or through others, is lost or in `damaged`.
+/// Decodes nothing; reads the beginning of each frame, and frames whose hash no record states.
+/// Frames of missing archives are lost. Ends early at a stop. Throws Error if an archive cannot be
+/// read.
 std::vector<std::vector<AffectedFrame>> find_undecodable_frames(const Take& take,
-                                                                const FrameTimes& damaged);
-
-/// Returns whether records of an archive state frames that it lacks, as after a repair: only then,
-/// or if frames are damaged, others can be undecodable.
-bool has_torn_records(const Take& take);
+                                                                const FrameTimes& damaged,
+                                                                const std::stop_token& stop = {});
 
 }  // namespace raystage::store

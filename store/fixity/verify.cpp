@@ -174,26 +174,25 @@ void decode_camera_groups(const Take& take, const TakeVerifyOptions& options,
       });
 }
 
-/// Reports frames of video that refer to damaged or lost ones. Only damage or a repair makes them.
-void verify_links(const Take& take, TakeFixityReport& report) {
+/// Finds frames of video that refer to damaged or lost ones. Only damage or a repair makes them.
+void verify_links(const Take& take, const std::stop_token& stop, TakeFixityReport& report) {
   FrameTimes damaged(report.cameras.size());
-  bool is_damaged = false;
+  bool may_lack_frames = false;
   for (std::size_t i = 0; i < damaged.size(); ++i) {
+    may_lack_frames = may_lack_frames || report.cameras[i].report.has_gaps_in_video;
     for (const FixityProblem& problem : report.cameras[i].report.problems) {
-      is_damaged = true;
+      may_lack_frames = true;
       if (!problem.loses_frames) continue;
       for (const AffectedFrame& frame : problem.frames) damaged[i].insert(frame.time_ns);
     }
   }
-  if (!is_damaged && !has_torn_records(take)) return;
-  auto undecodable = find_undecodable_frames(take, damaged);
-  for (std::size_t i = 0; i < undecodable.size(); ++i) {
-    if (undecodable[i].empty()) continue;
-    report.cameras[i].report.problems.push_back(
-        {take.document().cameras[i].archive,
-         take.archive(static_cast<int>(i)).frames()[undecodable[i][0].number].offset,
-         "frames of video cannot be decoded, because they refer to damaged or lost ones",
-         std::move(undecodable[i]), false});
+  if (!may_lack_frames) return;
+  try {
+    auto undecodable = find_undecodable_frames(take, damaged, stop);
+    for (std::size_t i = 0; i < undecodable.size(); ++i) {
+      report.cameras[i].undecodable_frames = std::move(undecodable[i]);
+    }
+  } catch (const Error&) {  // an archive that cannot be read, which is a problem already
   }
 }
 
@@ -289,7 +288,7 @@ TakeFixityReport verify_take(const fs::path& folder, const TakeVerifyOptions& gi
       });
   if (options.decode) decode_camera_groups(take, options, report);
   if (options.depth == VerifyDepth::kHashes && !options.decode && !options.stop.stop_requested()) {
-    verify_links(take, report);
+    verify_links(take, options.stop, report);
   }
   report.status = options.stop.stop_requested() ? RunStatus::kStopped : RunStatus::kFinished;
   // The timeline depends on the frame tables: it can be checked only if these are intact.

@@ -42,6 +42,9 @@ struct TakeFixityReport {
     std::string id;
     std::uint64_t bytes = 0;  ///< of archive and journal together
     ArchiveFixityReport report;
+    /// Intact frames of video that refer to damaged or lost ones and cannot be decoded, at depth
+    /// kHashes without `decode`. No problem of their own: after a repair they are as recorded.
+    std::vector<AffectedFrame> undecodable_frames;
     std::string error;  ///< why the files cannot be verified; empty if they can
   };
   std::vector<Camera> cameras;

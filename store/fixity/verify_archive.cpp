@@ -226,6 +226,9 @@ void Verifier::check_slot(std::uint64_t at, Bytes slot) {
     check_stored(at, *record);
   } else {
     last_time_ = record->time_ns;
+    report_.has_gaps_in_video =
+        report_.has_gaps_in_video ||
+        (record->status == FrameStatus::kTorn && is_temporal(header_.codec));
     if (record->offset != 0 || record->size != 0 || record->xxh3 != 0) {
       complain("the record of a missing frame refers to bytes in the archive");
     }

@@ -71,6 +71,8 @@ struct ArchiveFixityReport {
   std::uint64_t omitted_problems = 0;   ///< number beyond those
   std::int64_t frames = 0;              ///< stored frames found; 0 at depth kSizes
   std::int64_t unverified_frames = 0;   ///< of these, see FrameRecord::is_unverified; no problem
+  /// Frames of video are lost, as after a repair: others may refer to them.
+  bool has_gaps_in_video = false;
   bool is_intact() const { return status == RunStatus::kFinished && problems.empty(); }
 };
 inline constexpr std::size_t kMaxProblems = 1000;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <compare>
 #include <cstring>
 #include <limits>
 
@@ -229,11 +230,29 @@ std::size_t differing_bytes(Bytes file, const Header& header) {
 
 bool begins_with(Bytes file, const Header& header) { return differing_bytes(file, header) == 0; }
 
-Header header_of_file(Bytes file, const ArchiveWriter::Description& description) {
+Header header_of_file(Bytes file, const ArchiveWriter::Description& description,
+                      std::optional<std::size_t> first_cluster) {
+  // Of a header that is not intact, its length says more than its bytes: a frame follows it.
+  struct Distance {
+    bool is_damaged, is_not_before_a_frame;
+    std::size_t bytes;
+    auto operator<=>(const Distance&) const = default;
+  };
+  const auto distance_to = [&](const Header& header) {
+    const std::size_t bytes = differing_bytes(file, header);
+    const std::size_t end = header.bytes.size();
+    const bool is_before_a_frame = first_cluster == end || parse_cluster(file, end).has_value();
+    return Distance{bytes > 0, !is_before_a_frame, bytes};
+  };
   Header nearest = make_header(description, HeaderForm::kWithRate);
+  Distance least = distance_to(nearest);
   const auto consider = [&](const ArchiveWriter::Description& candidate, HeaderForm form) {
     Header header = make_header(candidate, form);
-    if (differing_bytes(file, header) < differing_bytes(file, nearest)) nearest = std::move(header);
+    const Distance distance = distance_to(header);
+    if (distance < least) {
+      nearest = std::move(header);
+      least = distance;
+    }
   };
   consider(description, HeaderForm::kWithoutRate);
   for (const CodecName& codec : kCodecs) {

@@ -46,8 +46,10 @@ Header make_header(const ArchiveWriter::Description& description,
 
 /// Returns the header that a file of this description has: of the form and codec from which the
 /// file, which may be damaged or truncated, differs least. Documents do not state the codec.
+/// `first_cluster`: where the first frame begins, if something else states it: the header's length.
 Header header_of_file(std::span<const std::byte> file,
-                      const ArchiveWriter::Description& description);
+                      const ArchiveWriter::Description& description,
+                      std::optional<std::size_t> first_cluster = {});
 
 /// Returns whether a file begins with this header, apart from the parts that close() fills in. A
 /// file truncated within its header may.

@@ -22,6 +22,7 @@
 #include "store/fixity/replace_pair.h"
 #include "store/fixity/verify.h"
 #include "store/matroska.h"
+#include "store/temporal/temporal_frame.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
@@ -140,12 +141,18 @@ bool RepairReport::failed() const {
 void write_salvaged_archive(const ArchivePair& pair, const SalvageResult& salvaged,
                             const fs::path& archive, const fs::path& journal) {
   ArchiveWriter::Description description = pair.description;
-  description.codec = matroska::header_of_file(pair.archive, description).codec;
+  description.codec = header_of_pair(pair).codec;
   ArchiveWriter out(archive, journal, description);
   for (const FrameRecord& record : salvaged.records) {
     // Offset and size of a missing frame are 0.
-    out.append_again(record,
-                     pair.archive.subspan(static_cast<std::size_t>(record.offset), record.size));
+    const auto bytes = pair.archive.subspan(static_cast<std::size_t>(record.offset), record.size);
+    if (!is_temporal(description.codec) && read_frame_link(bytes)) {
+      throw Error::failed(
+          "the header is damaged so much that it does not say how the frames of "
+          "video are to be decoded",
+          pair.archive_name, "Restore the archive from a copy");
+    }
+    out.append_again(record, bytes);
   }
   out.close();
 }

@@ -177,9 +177,7 @@ void merge(const PairInFolder& own, const PairInFolder& copy, bool dry_run,
     throw Error::bad_input("the archive is missing here and in the copy",
                            own.files.archive.string(), "Restore it from another copy");
   }
-  const auto codec_of = [](const PairInFolder& side) {
-    return matroska::header_of_file(side.pair.archive, side.pair.description).codec;
-  };
+  const auto codec_of = [](const PairInFolder& side) { return header_of_pair(side.pair).codec; };
   const FrameCodec codec = codec_of(own.archive ? own : copy);
   if (own.archive && copy.archive && codec_of(copy) != codec) {
     throw Error::bad_input(

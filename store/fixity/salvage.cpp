@@ -138,7 +138,7 @@ class Salvager {
   explicit Salvager(const ArchivePair& pair)
       : pair_(pair),
         archive_(pair.archive),
-        header_(matroska::header_of_file(pair.archive, pair.description)),
+        header_(header_of_pair(pair)),
         found_(matroska::find_clusters(archive_, 0)) {
     std::ranges::stable_sort(found_, {}, &matroska::FoundFrame::time);
     if (pair.journal) {

@@ -34,7 +34,9 @@ class Verifier {
       : pair_(pair),
         options_(options),
         archive_(pair.archive),
-        header_(matroska::header_of_file(pair.archive, pair.description)) {
+        header_(!pair.journal || can_read(*pair.journal)
+                    ? header_of_pair(pair)
+                    : matroska::header_of_file(pair.archive, pair.description)) {
     const Bytes expected(header_.bytes);
     const auto field = [&](Bytes bytes) {
       return bytes.subspan(header_.segment_size_offset,
@@ -544,6 +546,22 @@ std::uint32_t journal_version(Bytes journal, std::string_view name) {
     return count;
   };
   return good(1) > good(2) ? 1 : 2;
+}
+
+matroska::Header header_of_pair(const ArchivePair& pair) {
+  std::optional<std::size_t> first_cluster;
+  if (pair.journal && pair.journal->size() > journal::kHeaderBytes) {
+    const std::uint32_t version = journal_version(*pair.journal, pair.journal_name);
+    const std::size_t step = journal::record_bytes(version);
+    for (Bytes rest = pair.journal->subspan(journal::kHeaderBytes);
+         rest.size() >= step && !first_cluster; rest = rest.subspan(step)) {
+      const auto record = journal::decode_record(rest.first(step), version);
+      if (!record || record->status != FrameStatus::kStored) continue;
+      if (record->offset < matroska::kClusterHeaderBytes) break;
+      first_cluster = static_cast<std::size_t>(record->offset) - matroska::kClusterHeaderBytes;
+    }
+  }
+  return matroska::header_of_file(pair.archive, pair.description, first_cluster);
 }
 
 ArchiveFixityReport verify_archive(const ArchivePair& pair, const VerifyOptions& options) {

@@ -12,6 +12,7 @@
 
 #include "base/run_status.h"
 #include "store/archive.h"
+#include "store/matroska.h"
 
 namespace raystage::store {
 
@@ -83,6 +84,10 @@ inline constexpr std::size_t kReadPart = std::size_t{4} << 20;
 /// records have a check. So depth kHashes detects every single flipped bit. Throws Error (bad
 /// input) if the journal is of a future version.
 ArchiveFixityReport verify_archive(const ArchivePair& pair, const VerifyOptions& options);
+
+/// Returns the header that the archive had (matroska::header_of_file()), by the archive and by its
+/// journal, which may be damaged. Throws as journal::decode_header.
+matroska::Header header_of_pair(const ArchivePair& pair);
 
 /// Returns the version of a journal's records: as in an intact header, otherwise the one by which
 /// most records pass their check. Throws as journal::decode_header.

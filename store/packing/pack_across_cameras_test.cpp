@@ -11,6 +11,7 @@
 #include "store/fixity/repair.h"
 #include "store/fixity/verify.h"
 #include "store/jpeg/encode.h"
+#include "store/matroska.h"
 #include "store/packing/pack_take.h"
 #include "store/packing/pack_temporal.h"
 #include "store/take_summary.h"
@@ -201,6 +202,22 @@ TEST_P(PackAcrossCamerasTest, DamageCostsTheCamerasAfterItInItsGroupOnly) {
   EXPECT_TRUE(is_intact(path("packed"), false));
   expect_undecodable({2, 5});
   EXPECT_FALSE(is_intact(path("packed"), true));
+}
+
+// The header's length says which codec it named.
+TEST_P(PackAcrossCamerasTest, ADestroyedHeaderIsWrittenAgainWithItsCodec) {
+  pack();
+  const fs::path file = path("packed") / "archive" / "c1.mkv";
+  const auto end = static_cast<std::size_t>(Take(path("packed")).archive(1).frames()[0].offset);
+  for (const bool also_of_frame : {false, true}) {  // its Matroska header
+    Bytes bytes = testing::bytes_of(file);
+    std::fill_n(bytes.begin(), also_of_frame ? end : end - matroska::kClusterHeaderBytes,
+                std::byte{0});
+    testing::overwrite(file, bytes);
+    EXPECT_FALSE(is_intact(path("packed"), false));
+    repair_take(path("packed"), {});
+    EXPECT_TRUE(is_intact(path("packed"), true)) << also_of_frame;
+  }
 }
 
 TEST_P(PackAcrossCamerasTest, AnotherFrameIsNeverTakenForALostOne) {

@@ -37,12 +37,17 @@ std::uint64_t number_from_hex(std::string_view digits) {
   return number;
 }
 
-/// Returns whether a map states the JPEG of a frame.
-bool belongs_to(const ImportedDocument::Map& map, const store::Take& take, int camera, int frame) {
-  // Earlier versions named a frame of video by its own bytes.
-  return imported_frame_xxh3(take, camera, frame) == map.frame_xxh3 ||
-         number_from_hex(map.frame_xxh3) == take.archive(camera).jpeg_xxh3(frame);
-}
+/// The hashes by which maps name a frame.
+struct FrameHashes {
+  FrameHashes(const store::Take& take, int camera, int frame)
+      : recorded(imported_frame_xxh3(take, camera, frame)),
+        stored(take.archive(camera).jpeg_xxh3(frame)) {}
+  bool are_stated_by(const ImportedDocument::Map& map) const {
+    return map.frame_xxh3 == recorded || number_from_hex(map.frame_xxh3) == stored;
+  }
+  std::string recorded;
+  std::uint64_t stored;  ///< earlier versions named a frame of video by its own bytes
+};
 
 }  // namespace
 
@@ -76,10 +81,11 @@ const ImportedDocument::Map* find_imported_map(const ImportedDocument& document,
   // Reading a map compares it with its frame again.
   if (archive.is_remote()) return same_number;
   try {
-    if (same_number != nullptr && belongs_to(*same_number, take, camera, frame)) return same_number;
+    const FrameHashes hashes(take, camera, frame);
+    if (same_number != nullptr && hashes.are_stated_by(*same_number)) return same_number;
     const ImportedDocument::Map* nearest = nullptr;  // equal pictures have equal hashes
     for (const ImportedDocument::Map& map : of_camera->maps) {
-      if (!belongs_to(map, take, camera, frame)) continue;
+      if (!hashes.are_stated_by(map)) continue;
       if (nearest == nullptr || std::abs(map.frame - frame) < std::abs(nearest->frame - frame)) {
         nearest = &map;
       }
@@ -105,7 +111,7 @@ InverseDepthMap read_imported_map(const store::Take& take, int camera, int frame
                     map.height, kMaxImportedPixels >> 20U),
         name, kImportAgain);
   }
-  if (!belongs_to(map, take, camera, frame)) {
+  if (!FrameHashes(take, camera, frame).are_stated_by(map)) {
     throw Error::bad_input(
         fmt::format("the imported depth map belongs to another picture than frame {} of camera "
                     "\"{}\"",

@@ -110,6 +110,17 @@ void add_undecodable_frames(const std::vector<LinkReader>& archives, Nanoseconds
   }
 }
 
+/// Returns the time of the first frame at or after a time; nullopt if there is none.
+std::optional<Nanoseconds> next_frame(const std::vector<LinkReader>& archives, Nanoseconds from) {
+  std::optional<Nanoseconds> first;
+  for (const LinkReader& archive : archives) {
+    const std::size_t number = archive.first_from(from);
+    if (number == archive.count()) continue;
+    first = std::min(first.value_or(archive.time(number)), archive.time(number));
+  }
+  return first;
+}
+
 }  // namespace
 
 std::vector<std::vector<AffectedFrame>> find_undecodable_frames(const Take& take,
@@ -129,16 +140,16 @@ std::vector<std::vector<AffectedFrame>> find_undecodable_frames(const Take& take
     }
   }
   if (!refer_to_cameras) return undecodable;
-  Nanoseconds end = 0;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     const auto index = static_cast<std::size_t>(camera);
     undecodable[index].clear();
     if (!exists(take.file(take.document().cameras[index].archive))) continue;
-    const LinkReader& archive = archives.emplace_back(take, camera, damaged);
-    if (archive.count() > 0) end = std::max(end, archive.time(archive.count() - 1) + 1);
+    archives.emplace_back(take, camera, damaged);
   }
-  for (Nanoseconds begin = 0; begin < end && !stop.stop_requested(); begin += kSlice) {
-    add_undecodable_frames(archives, begin, undecodable);
+  // Times may be far apart: slices without frames are left out.
+  for (auto begin = next_frame(archives, 0); begin && !stop.stop_requested();
+       begin = next_frame(archives, *begin + kSlice)) {
+    add_undecodable_frames(archives, *begin, undecodable);
   }
   for (std::vector<AffectedFrame>& frames : undecodable) {
     std::ranges::sort(frames, {}, &AffectedFrame::number);

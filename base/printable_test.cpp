@@ -15,6 +15,14 @@ TEST(Printable, NamesCannotControlTheTerminal) {
             "\\u009b31m");  // CSI as one character
   EXPECT_EQ(printable("caf\xC3\xA9 \xE4\xB8\xAD"), "caf\xC3\xA9 \xE4\xB8\xAD");
   EXPECT_EQ(printable("\xC2"), "\xC2");
+  EXPECT_EQ(printable("\x9B"
+                      "31m"),
+            "\\u009b31m");  // the same on terminals of 8 bits
+  EXPECT_EQ(printable("\xE4\x9B"
+                      "31m\xC2"),
+            "\xE4\\u009b31m\xC2");  // no character in UTF-8
+  EXPECT_EQ(printable("\xE9\xFF\xF5\x80\x80\x80"), "\xE9\xFF\xF5\\u0080\\u0080\\u0080");
+  EXPECT_EQ(printable("\xF0\x9F\x8E\xA5"), "\xF0\x9F\x8E\xA5");
 }
 
 TEST(Printable, NamesCannotLookLikeLinesOfAReport) {

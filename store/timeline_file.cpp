@@ -41,6 +41,9 @@ constexpr std::array kClockNumbers{&CameraClock::period_ns, &CameraClock::phase_
 constexpr std::uint32_t kFittedFlag = 1;
 constexpr int kLevel = 9;
 constexpr std::uint32_t kMaxSteps = 1'000'000;
+/// Their times alone need 0.8 bytes each where the period is a power of two nanoseconds, and about
+/// 3 otherwise: more are a small file that wants much work.
+constexpr std::uint64_t kMaxTicksPerByte = 4;
 /// The largest time, difference, clock offset, sum of clock steps and tolerance: 36 years. Sums of
 /// seven of them do not overflow.
 constexpr Nanoseconds kMaxTimelineTime = Nanoseconds{1} << 60;
@@ -259,7 +262,9 @@ Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uin
       timeline.tolerance < 0 || timeline.tolerance > kMaxTimelineTime) {
     throw damaged();
   }
-  if (const std::uint64_t most = most_ticks(cameras); ticks > most) {
+  const std::uint64_t most =
+      std::min<std::uint64_t>(most_ticks(cameras), kMaxTicksPerByte * file.size());
+  if (ticks > most) {
     throw refuse(
         fmt::format("the timeline has {} ticks of {} cameras, allowed: {}", ticks, cameras, most));
   }

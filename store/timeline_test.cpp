@@ -421,9 +421,34 @@ TEST_F(TimelineFile, MoreTicksThanCanBeComputedAreRefusedUnread) {
     }
     return "";
   };
-  EXPECT_THAT(refusal_of(most_ticks(2)), HasSubstr("damaged")) << "its ticks are not there";
+  const std::size_t most = 4 * bytes.size();
+  EXPECT_THAT(refusal_of(most), HasSubstr("damaged")) << "its ticks are not there";
+  EXPECT_THAT(refusal_of(most + 1), HasSubstr("allowed: 228"));
+  EXPECT_THAT(refusal_of(100'000'000), HasSubstr("100000000 ticks of 2 cameras, allowed: 228"));
+  bytes.resize(100'000'000);  // what follows the header is not read either
+  EXPECT_THAT(refusal_of(most_ticks(2)), HasSubstr("damaged"));
   EXPECT_THAT(refusal_of(most_ticks(2) + 1), HasSubstr("allowed: "));
-  EXPECT_THAT(refusal_of(100'000'000), HasSubstr("100000000 ticks of 2 cameras, allowed: "));
+}
+
+TEST_F(TimelineFile, SmallFilesHaveFewTicks) {
+  Timeline timeline;
+  timeline.fps = 15;
+  timeline.ticks.assign(100'000, {0, {-1, -1}, {0, 0}});
+  const std::vector<std::byte> bomb = encode_timeline(timeline, 1);
+  EXPECT_LT(bomb.size(), 2000U);
+  try {
+    decode_timeline(bomb, 1, 2, "");
+    ADD_FAILURE() << "a small file made much work";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what_happened(), HasSubstr("100000 ticks of 2 cameras, allowed: "));
+  }
+  // Times that compress as well as times can.
+  constexpr std::int64_t kPeriod = std::int64_t{1} << 32;
+  timeline.fps = 1e9 / static_cast<double>(kPeriod);
+  for (std::size_t i = 0; i < timeline.ticks.size(); ++i) {
+    timeline.ticks[i].time_ns = static_cast<std::int64_t>(i) * kPeriod;
+  }
+  EXPECT_EQ(decode_timeline(encode_timeline(timeline, 1), 1, 2, "").ticks.size(), 100'000U);
 }
 
 TEST_F(TimelineFile, TheLongestTakeCanBeRead) {

@@ -141,7 +141,8 @@ ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
           attempt.end ? fmt::format("{}{}{}", schemas::attempt_result_name(attempt.end->result),
                                     attempt.end->reason.empty() ? "" : ": ", attempt.end->reason)
                       : "end not recorded"));
-      if (const auto log = farm::read_record(farm::attempt_log(folder, attempt))) print(*log);
+      const auto log = farm::read_record(folder.contained(farm::attempt_log(folder, attempt)));
+      if (log) print(*log);
     }
   };
   for (const int chunk : chunks) {
@@ -158,7 +159,7 @@ ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
   print(fmt::format("no attempt at frame {} has started\n", frame));
   for (const int chunk : chunks) {  // the shell's messages, if it could not start the command
     const auto file = folder.logs() / fmt::format("slurm.render.{}.log", chunk);
-    if (const auto log = farm::read_record(file)) {
+    if (const auto log = farm::read_record(folder.contained(file))) {
       print(fmt::format("==> {}\n{}", file.filename().string(), *log));
     }
   }

@@ -122,12 +122,12 @@ void record_attempt_end(const JobFolder& folder, const schemas::FarmAttempt& att
 
 TaskAttempts read_attempts(const JobFolder& folder) {
   TaskAttempts tasks;
-  for (const fs::path& file : entries_of(folder.attempts())) {
-    auto attempt = attempt_from_name(file.filename().string());
+  for (const ContainedPath& file : entries_of(folder.contained(folder.attempts()))) {
+    auto attempt = attempt_from_name(file.relative.filename().string());
     if (!attempt) continue;
     if (const auto text = read_record(file)) {
       try {
-        attempt = schemas::parse_farm_attempt(*text, file.string());
+        attempt = schemas::parse_farm_attempt(*text, file.path().string());
       } catch (const Error&) {  // being written, or damaged: only its name is known
       }
     }

@@ -133,7 +133,7 @@ std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder,
   while (!checks.empty() && !stop.stop_requested()) {
     std::erase_if(checks, [&](const auto& check) {
       const std::string& node = check.first;
-      const auto text = read_record(folder.path() / answers / node);
+      const auto text = read_record(folder.contained(folder.path() / answers / node));
       if (!text) return false;
       try {
         reports[node] = parse_node_report(*text, node);

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
 #include <sstream>
 
 #include "farm/job_folder.h"
@@ -14,6 +13,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kFolder = "fingerprints";
+constexpr std::size_t kMostBytes = std::size_t{1} << 30;  // a task may have millions of frames
 
 }  // namespace
 
@@ -23,9 +23,9 @@ fs::path fingerprints_file(const fs::path& job_folder, int task) {
 
 std::map<int, std::string> read_fingerprints(const fs::path& job_folder) {
   std::map<int, std::string> known;
-  for (const fs::path& path : entries_of(job_folder / kFolder)) {
-    if (path.filename().string().starts_with('.')) continue;  // not complete
-    std::ifstream file(path);
+  for (const ContainedPath& entry : entries_of({job_folder, kFolder})) {
+    if (entry.relative.filename().string().starts_with('.')) continue;  // not complete
+    std::istringstream file(read_record(entry, kMostBytes).value_or(""));
     for (std::string line; std::getline(file, line);) {
       std::istringstream words(line);
       int frame = 0;

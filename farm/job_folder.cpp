@@ -29,7 +29,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kJobPrefix = "job-";
-constexpr std::size_t kLargestRecord = std::size_t{16} << 20;
 constexpr std::array kSubfolders{"attempts", "logs", "progress", "excluded", "slurm", "rounds"};
 
 std::optional<int> number_after(std::string_view prefix, std::string_view name) {
@@ -72,24 +71,22 @@ void check_frames(const schemas::FarmJobDocument& job, const std::string& file) 
 
 }  // namespace
 
-std::optional<std::string> read_record(const fs::path& file) {
-  const int descriptor = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-  if (descriptor < 0) return std::nullopt;
-  std::optional<std::string> text;
+std::optional<std::string> read_record(const ContainedPath& file, std::size_t most) {
+  const FileDescriptor opened = open_contained(file, O_RDONLY);
   struct stat status {};
-  if (fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode) &&
-      static_cast<std::size_t>(status.st_size) <= kLargestRecord) {
-    text.emplace(static_cast<std::size_t>(status.st_size), '\0');
-    std::size_t filled = 0;
-    while (filled < text->size()) {
-      const ssize_t got = read(descriptor, text->data() + filled, text->size() - filled);
-      if (got < 0 && errno == EINTR) continue;
-      if (got <= 0) break;
-      filled += static_cast<std::size_t>(got);
-    }
-    text->resize(filled);
+  if (!opened.open() || fstat(opened.number(), &status) != 0 || !S_ISREG(status.st_mode) ||
+      static_cast<std::size_t>(status.st_size) > most) {
+    return std::nullopt;
   }
-  close(descriptor);
+  std::string text(static_cast<std::size_t>(status.st_size), '\0');
+  std::size_t filled = 0;
+  while (filled < text.size()) {
+    const ssize_t got = read(opened.number(), text.data() + filled, text.size() - filled);
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) break;
+    filled += static_cast<std::size_t>(got);
+  }
+  text.resize(filled);
   return text;
 }
 
@@ -98,7 +95,7 @@ fs::path JobFolder::round_file(int round) const {
 }
 
 schemas::FarmJobDocument JobFolder::job() const {
-  const auto text = read_record(job_file());
+  const auto text = read_record(contained(job_file()));
   if (!text) {
     throw Error::bad_input("found no farm job", path_.string(),
                            "Name a job folder, the folder of an output's jobs, or the output");
@@ -117,14 +114,14 @@ schemas::FarmJobDocument JobFolder::local_job() const {
 std::vector<schemas::FarmRound> JobFolder::rounds() const {
   std::vector<schemas::FarmRound> rounds;
   for (int n = 1;; ++n) {
-    const auto text = read_record(round_file(n));
+    const auto text = read_record(contained(round_file(n)));
     if (!text) return rounds;
     rounds.push_back(schemas::parse_farm_round(*text, round_file(n).string()));
   }
 }
 
 std::optional<schemas::FarmEnd> JobFolder::end() const {
-  const auto text = read_record(end_file());
+  const auto text = read_record(contained(end_file()));
   if (!text) return std::nullopt;
   return schemas::parse_farm_end(*text, end_file().string());
 }
@@ -148,8 +145,8 @@ void JobFolder::reopen() const {
 
 std::vector<std::pair<std::string, std::string>> JobFolder::excluded_nodes() const {
   std::vector<std::pair<std::string, std::string>> nodes;
-  for (const fs::path& file : entries_of(excluded())) {
-    std::string name = file.filename().string();
+  for (const ContainedPath& file : entries_of(contained(excluded()))) {
+    std::string name = file.relative.filename().string();
     if (name.starts_with('.')) continue;
     std::string reason = read_record(file).value_or("");
     while (!reason.empty() && reason.back() == '\n') reason.pop_back();
@@ -206,9 +203,11 @@ fs::path farm_folder(const std::string& output) {
 std::vector<JobFolder> list_jobs(const fs::path& farm_folder) {
   std::vector<std::pair<int, fs::path>> found;
   std::error_code error;
-  for (const fs::path& path : entries_of(farm_folder)) {
-    const auto number = number_after(kJobPrefix, path.filename().string());
-    if (number && fs::is_directory(path, error)) found.emplace_back(*number, path);
+  for (fs::directory_iterator entry(farm_folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code of_entry;
+    const auto number = number_after(kJobPrefix, entry->path().filename().string());
+    if (number && entry->is_directory(of_entry)) found.emplace_back(*number, entry->path());
   }
   std::ranges::sort(found);
   std::vector<JobFolder> jobs;
@@ -221,7 +220,7 @@ std::optional<JobFolder> find_live_job(const std::string& output, const fs::path
   for (const JobFolder& folder : list_jobs(farm_folder(output))) {
     if (!before.empty() && folder.path().filename() == before.filename()) break;
     if (file_exists(folder.end_file())) continue;
-    const auto text = read_record(folder.job_file());
+    const auto text = read_record(folder.contained(folder.job_file()));
     // A job without a document is being created, perhaps for this output.
     if (!text || is_same_sequence(folder.job().output, output)) live = folder;
   }
@@ -259,7 +258,7 @@ JobFolder find_job(const fs::path& named) {
     try {
       jobs = list_jobs(farm_folder(path.string()));
       std::erase_if(jobs, [&](const JobFolder& folder) {
-        return read_record(folder.job_file()) &&
+        return read_record(folder.contained(folder.job_file())) &&
                !is_same_sequence(folder.job().output, path.string());
       });
     } catch (const Error&) {  // not a pattern of a sequence
@@ -274,11 +273,13 @@ JobFolder find_job(const fs::path& named) {
   return jobs.back();
 }
 
-std::vector<fs::path> entries_of(const fs::path& folder) {
-  std::vector<fs::path> entries;
+std::vector<ContainedPath> entries_of(const ContainedPath& folder) {
+  std::vector<ContainedPath> entries;
+  if (!is_contained(folder)) return entries;
   std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; entry != end; entry.increment(error)) {
-    entries.push_back(entry->path());
+  for (fs::directory_iterator entry(folder.path(), error), end; entry != end;
+       entry.increment(error)) {
+    entries.push_back({folder.folder, folder.relative / entry->path().filename()});
   }
   return entries;
 }

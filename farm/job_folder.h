@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "schemas/farm_job_document.h"
 #include "schemas/farm_records.h"
 
@@ -33,6 +35,12 @@ class JobFolder {
   std::filesystem::path cancel_file() const { return path_ / "cancelled"; }
   /// Returns the file with the job folder that this job waits for; it exists only if there is one.
   std::filesystem::path after_file() const { return path_ / "after"; }
+
+  /// Returns the path of a file of the job, to be opened without following links: a job folder may
+  /// be of strangers.
+  ContainedPath contained(const std::filesystem::path& file) const {
+    return {path_, file.lexically_relative(path_)};
+  }
 
   /// Returns the job with paths as the nodes see them. Throws Error (bad input) if there is no job
   /// or its document is damaged.
@@ -89,12 +97,15 @@ JobFolder create_job_folder(const std::string& output);
 /// or the output's pattern, names the newest job. Throws Error (bad input) if there is none.
 JobFolder find_job(const std::filesystem::path& named);
 
-/// Reads a small text file of a job folder without following links. Returns nothing if the file is
-/// missing or larger than 16 MiB.
-std::optional<std::string> read_record(const std::filesystem::path& file);
+inline constexpr std::size_t kLargestRecord = std::size_t{16} << 20;  // bytes
 
-/// Returns the paths of a folder's entries; none if it cannot be read.
-std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder);
+/// Reads a text file of a job folder, through no link below it. Returns nothing if the file is
+/// missing, no regular file, or larger than `most` bytes.
+std::optional<std::string> read_record(const ContainedPath& file,
+                                       std::size_t most = kLargestRecord);
+
+/// Returns the entries of a folder of a job folder; none if it cannot be read or is a link.
+std::vector<ContainedPath> entries_of(const ContainedPath& folder);
 
 /// Returns the name of the node within a Slurm task (SLURMD_NODENAME), otherwise the host's name.
 std::string node_name();

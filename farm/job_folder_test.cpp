@@ -7,7 +7,9 @@
 #include <set>
 #include <thread>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
+#include "farm/attempts.h"
 #include "testing/farm/test_job.h"
 #include "testing/test_folder.h"
 
@@ -94,6 +96,32 @@ TEST(JobFolder, ExcludedNodesStayWithTheirReasons) {
   EXPECT_FALSE(std::filesystem::exists(parent.path() / "evil"));
   ASSERT_EQ(folder.excluded_nodes().size(), 2U);
   EXPECT_EQ(folder.excluded_nodes()[1].second, "the disk is full");
+}
+
+TEST(JobFolder, FilesOutsideAreNeverRead) {
+  const testing::TestFolder parent;
+  const JobFolder folder = testing::write_small_job(parent.path());
+  const std::filesystem::path outside = parent.path() / "outside";
+  create_folder(outside);
+  for (const char* const name : {"id_rsa", "render.0000.01.json", "render.0000.01.log"}) {
+    write_file_atomically(outside / name, "TOPSECRET");
+  }
+  for (const auto& inside : {folder.excluded(), folder.attempts(), folder.logs()}) {
+    std::filesystem::remove(inside);
+    std::filesystem::create_directory_symlink(outside, inside);
+  }
+  EXPECT_TRUE(folder.excluded_nodes().empty());
+  EXPECT_TRUE(read_attempts(folder).empty());
+  schemas::FarmAttempt attempt;
+  attempt.stage = "render";
+  attempt.attempt = 1;
+  ASSERT_TRUE(file_exists(attempt_log(folder, attempt)));
+  EXPECT_FALSE(read_record(folder.contained(attempt_log(folder, attempt))));
+  EXPECT_FALSE(read_record(folder.contained(folder.path() / ".." / "outside" / "id_rsa")));
+  // The job folder itself may be a link.
+  const JobFolder linked(parent.path() / "link");
+  std::filesystem::create_directory_symlink(folder.path(), linked.path());
+  EXPECT_EQ(linked.job().chunks.size(), folder.job().chunks.size());
 }
 
 }  // namespace

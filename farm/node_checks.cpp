@@ -69,7 +69,7 @@ std::string first_build(const fs::path& file) {
     close(created);
     if (written) return own;
   }
-  const std::string first = read_record(file).value_or("");
+  const std::string first = read_record({file.parent_path(), file.filename()}).value_or("");
   return first.empty() ? own : first;  // being written by another node
 }
 

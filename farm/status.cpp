@@ -75,7 +75,7 @@ class QueuedTasks {
   int offset_of(const JobFolder& folder, const std::string& array) {
     const auto [known, is_new] = offsets_.emplace(array, 0);
     if (!is_new) return known->second;
-    const auto text = read_record(folder.slurm_ids() / ("offset." + array));
+    const auto text = read_record(folder.contained(folder.slurm_ids() / ("offset." + array)));
     return known->second = number_at_start(text.value_or(""));
   }
 
@@ -84,7 +84,8 @@ class QueuedTasks {
 };
 
 int percent_of(const JobFolder& folder, const std::string& stage, int index) {
-  const auto text = read_record(folder.progress() / fmt::format("{}.{:04}", stage, index));
+  const auto text =
+      read_record(folder.contained(folder.progress() / fmt::format("{}.{:04}", stage, index)));
   return std::clamp(number_at_start(text.value_or("")), 0, 100);
 }
 

@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "base/printable.h"
 #include "charts/html_page.h"
 #include "compose/frame_range.h"
 #include "farm/status.h"
@@ -48,9 +49,9 @@ std::string task_line(const TaskStatus& task) {
   if (!task.frames.empty()) line += fmt::format(" (frames {})", task.frames);
   line += fmt::format(": {}", task_state_name(task.state));
   if (task.state == TaskState::kRunning) line += fmt::format(" {} %", task.percent);
-  if (!task.node.empty()) line += " on " + task.node;
+  if (!task.node.empty()) line += " on " + printable_in_line(task.node);
   if (task.attempts.size() > 1) line += fmt::format(", attempt {}", task.attempts.size());
-  if (!task.reason.empty()) line += ": " + task.reason;
+  if (!task.reason.empty()) line += ": " + printable_in_line(task.reason);
   return line;
 }
 
@@ -138,7 +139,8 @@ std::string status_text(const JobStatus& status, bool all_tasks) {
   }
   if (status.rounds > 1) text += fmt::format("round {}\n", status.rounds);
   for (const auto& [node, reason] : status.excluded_nodes) {
-    text += fmt::format("node {} is excluded: {}\n", node, reason);
+    text += fmt::format("node {} is excluded: {}\n", printable_in_line(node),
+                        printable_in_line(reason));
   }
   for (const TaskStatus& task : status.tasks) {
     if (all_tasks || deserves_a_line(task)) text += "  " + task_line(task) + "\n";
@@ -179,7 +181,7 @@ std::string status_json(const JobStatus& status) {
     }
     tasks.push_back(std::move(object));
   }
-  return schemas::format_json(json);
+  return schemas::dump_json(json) + "\n";
 }
 
 std::string status_html(const JobStatus& status, const JobFolder& folder) {

@@ -15,6 +15,7 @@ namespace raystage::farm {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class Status : public ::testing::Test {
  protected:
@@ -170,6 +171,19 @@ TEST_F(Status, ADoneJobGoesOnWithItsPreviewAndMissesFramesThatWereRemoved) {
   EXPECT_EQ(status.missing_frames, "5");
   EXPECT_EQ(status.frames_done, 11);
   EXPECT_FALSE(status.is_preview_running());
+}
+
+// Whoever may write into the job folder chooses these names and texts.
+TEST_F(Status, NamesAndReasonsCannotForgeLinesOrBreakJson) {
+  folder_.exclude("n\xFF\nnode good is excluded: no", "bad \x1b[31m\xFF\nframes 1-99 done");
+  const JobStatus status = job_status(folder_, SchedulerAnswer{});
+  const std::string text = status_text(status, true);
+  EXPECT_THAT(text, HasSubstr("is excluded: bad \\u001b[31m"));
+  EXPECT_THAT(text, Not(HasSubstr("\nnode good")));
+  EXPECT_THAT(text, Not(HasSubstr("\nframes 1-99")));
+  const auto document = nlohmann::json::parse(status_json(status));
+  ASSERT_EQ(document["excluded_nodes"].size(), 1U);
+  EXPECT_THAT(document["excluded_nodes"].begin().key(), HasSubstr("\xEF\xBF\xBD"));
 }
 
 TEST_F(Status, TheEndIsTheRecordsWhateverSlurmSays) {

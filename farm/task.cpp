@@ -42,7 +42,7 @@ std::string environment(const char* name) {
 /// Returns the task's round. A task that is started by hand may have no written round.
 schemas::FarmRound round_of(const TaskRequest& request) {
   const std::filesystem::path file = request.folder.round_file(request.round);
-  const auto text = read_record(file);
+  const auto text = read_record(request.folder.contained(file));
   return text ? schemas::parse_farm_round(*text, file.string()) : schemas::FarmRound{};
 }
 

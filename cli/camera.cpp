@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "base/frame_rate.h"
 #include "base/number_text.h"
 #include "cli/command.h"
@@ -143,6 +144,8 @@ int main(int argc, char** argv) {
   CommandLine command{"Exports a shot's virtual camera for other programs.", "raystage camera"};
   Options options;
   declare(command, options);
-  return parse_and_run(command, argc, argv, "camera",
-                       [&](std::stop_token) { return write_camera(options); });
+  return parse_and_run(command, argc, argv, "camera", [&](std::stop_token stop) {
+    const CancellationScope cancellation(std::move(stop));
+    return write_camera(options);
+  });
 }

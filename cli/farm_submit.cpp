@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "cli/farm.h"
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
@@ -265,7 +266,10 @@ ExitCode show_plan(const SubmissionOptions& submission) {
 ExitCode submit(Options& options, std::stop_token stop) {
   Progress progress(!options.quiet);
   const SubmissionOptions submission = completed(options, progress);
-  if (options.dry_run) return show_plan(submission);
+  if (options.dry_run) {
+    const CancellationScope cancellation(stop);
+    return show_plan(submission);
+  }
   if (submission.engine == Engine::kLocal && !submission.paths.empty() && !options.no_queue) {
     throw Error::bad_input("this host runs the tasks itself, with its own paths", "--map",
                            "Omit --map, or use --engine slurm");

@@ -90,6 +90,7 @@ std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
     }
   };
   for (const PlannedFrame& frame : frames) {
+    throw_if_cancelled();
     add(frame);
     for (const PlannedFrame& sample : plan.exposure_of(frame)) add(sample);
   }

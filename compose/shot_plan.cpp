@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "base/cancellation.h"
 #include "base/error.h"
 #include "base/resources.h"
 #include "compose/exposure_plan.h"
@@ -319,6 +320,7 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
     const std::size_t i = take->index();
     std::vector<int> missing;
     for (PlannedFrame& one : planned) {
+      throw_if_cancelled();  // a short text has ten million frames
       if (!is_needed(i, one.frame)) continue;
       one.shown[i] = take->shown_tick_at(one.frame, policy);
       if (!one.shown[i].tick || one.shown[i].held) missing.push_back(one.frame);
@@ -335,6 +337,7 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
   if (blur == MotionBlur::kNone) return planned;
   const auto shown_views = std::make_shared<const ShownViews>(*this, policy);
   for (PlannedFrame& one : planned) {
+    throw_if_cancelled();
     one.exposure = exposure_offsets(*this, one.frame);
     one.shown_views = shown_views;
   }
@@ -357,6 +360,7 @@ std::vector<PlannedFrame> ShotPlan::exposure_of(const PlannedFrame& frame) const
 void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
   std::set<std::filesystem::path> files_checked;
   for (const PlannedFrame& frame : frames) {
+    throw_if_cancelled();
     const bool camera_has_focus = camera_.state(frame.frame).focus_m.has_value();
     for (std::size_t i = 0; i < layers(); ++i) {
       if (!layers_[i]) continue;

@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "base/child_process.h"
 #include "base/resources.h"
 #include "compose/derived_data.h"
@@ -309,7 +310,10 @@ PlannedJob plan_submission(const SubmissionOptions& options) {
 
 JobFolder write_submission(const SubmissionOptions& options, const std::stop_token& stop) {
   check_not_live(options);
-  const SubmissionCheckResult checked = check_submission(options);
+  const SubmissionCheckResult checked = [&] {
+    const CancellationScope cancellation(stop);
+    return check_submission(options);
+  }();
   schemas::FarmJobDocument job = new_job(options, checked);
   const auto live = find_live_job(options.output);
   NewFolder folder(options.output);

@@ -10,6 +10,7 @@
 #include <optional>
 #include <vector>
 
+#include "base/cancellation.h"
 #include "base/error.h"
 #include "compose/camera/gltf_camera.h"
 
@@ -46,6 +47,7 @@ std::string camera_to_chan(const ShotCamera& camera, std::span<const int> frames
                            RotationOrder order) {
   std::vector<ChanLine> lines;
   for (const int frame : frames) {
+    throw_if_cancelled();
     const render::VirtualCamera view = camera.camera(frame, eye);
     lines.push_back({static_cast<double>(frame), view.pose.position,
                      Eigen::Quaterniond(view.pose.world_from_camera_rotation), vertical_fov(view)});
@@ -59,6 +61,7 @@ std::string camera_to_gltf(const ShotCamera& camera, const schemas::ShotDocument
   const FrameRate fps = rate.value_or(FrameRate{shot.fps_numerator, shot.fps_denominator});
   std::vector<GltfCameraKey> keys;
   for (const int frame : frames) {
+    throw_if_cancelled();
     const render::VirtualCamera view = camera.camera(frame, eye);
     keys.push_back({static_cast<double>(frame) * fps.denominator / fps.numerator, view.pose,
                     vertical_fov(view)});
@@ -75,6 +78,7 @@ std::string camera_to_nuke_script(const ShotCamera& camera, const schemas::ShotD
   NukeCurve focal, shift_x, shift_y, focus, f_number;
   Eigen::Vector3d angles = Eigen::Vector3d::Zero();
   for (const int frame : frames) {
+    throw_if_cancelled();
     const CameraState state = camera.state(frame);
     const render::VirtualCamera view = camera.camera(state, eye);
     angles = angles_from_rotation(Eigen::Quaterniond(view.pose.world_from_camera_rotation),
@@ -110,6 +114,7 @@ std::vector<std::string> camera_file_losses(const CameraExport& exported,
   std::optional<double> focal;
   constexpr double kRounding = 1e-9;
   for (const int frame : exported.frames) {
+    throw_if_cancelled();
     const render::VirtualCamera view = exported.camera.camera(frame, exported.eye);
     shifted |= std::abs(view.intrinsics.cx / view.width - 0.5) > kRounding ||
                std::abs(view.intrinsics.cy / view.height - 0.5) > kRounding;

@@ -103,6 +103,9 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
     if (!camera.was_intact && !camera.id.empty()) print_camera(camera, options.dry_run);
   }
   for (const auto& file : report.files) print_file(file, options.dry_run);
+  for (const Error& left_out : report.left_out) {
+    print("{}: left out: {}\n", left_out.where(), left_out.what_happened());
+  }
   print("{} of {} cameras were intact and are unchanged\n", intact, report.cameras.size());
   if (report.is_timeline_renumbered) {
     print("The timeline keeps its ticks; the lost frames are absent from it\n");

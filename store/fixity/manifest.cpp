@@ -163,34 +163,45 @@ Manifest parse_manifest(std::string_view text, const std::string& name) {
 }
 
 std::vector<std::string> files_of_take(const fs::path& folder) {
-  std::vector<std::string> paths;
-  std::error_code error;
-  fs::recursive_directory_iterator entry(folder, error);
-  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
-    const fs::path relative = entry->path().lexically_relative(folder);
-    const fs::file_type type = entry->symlink_status(error).type();
-    if (error) break;
-    if (!is_listed(relative)) {
-      if (type == fs::file_type::directory) entry.disable_recursion_pending();
-      continue;
+  FilesOfTake found = find_files_of_take(folder);
+  if (!found.refused.empty()) throw Error(found.refused.front());
+  return std::move(found.paths);
+}
+
+FilesOfTake find_files_of_take(const fs::path& folder) {
+  FilesOfTake found;
+  // Not a recursive iterator, which ends at the first folder that cannot be read.
+  for (std::vector<fs::path> folders{{}}; !folders.empty();) {
+    const fs::path inside = std::move(folders.back());
+    folders.pop_back();
+    std::error_code error;
+    fs::directory_iterator entry(inside.empty() ? folder : folder / inside, error);
+    for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+      const fs::path relative = inside / entry->path().filename();
+      if (!is_listed(relative)) continue;
+      const fs::file_type type = entry->symlink_status(error).type();
+      if (error) break;
+      if (type == fs::file_type::directory) {
+        folders.push_back(relative);
+      } else if (type != fs::file_type::regular) {
+        found.refused.push_back(Error::bad_input(
+            "this is a link or a special file, which no manifest can list", entry->path().string(),
+            "Replace it by the file itself, or remove it"));
+      } else if (!is_plain(relative.string())) {
+        found.refused.push_back(
+            Error::bad_input("the file's name holds characters that no manifest can list",
+                             entry->path().string(), "Rename the file"));
+      } else {
+        found.paths.push_back(relative.string());
+      }
     }
-    if (type == fs::file_type::directory) continue;
-    if (type != fs::file_type::regular) {
-      throw Error::bad_input("this is a link or a special file, which no manifest can list",
-                             entry->path().string(), "Replace it by the file itself, or remove it");
+    if (error) {
+      found.refused.push_back(Error::failed("the folder cannot be read: " + error.message(),
+                                            (folder / inside).string(), "Check its permissions"));
     }
-    if (!is_plain(relative.string())) {
-      throw Error::bad_input("the file's name holds characters that no manifest can list",
-                             entry->path().string(), "Rename the file");
-    }
-    paths.push_back(relative.string());
   }
-  if (error) {
-    throw Error::failed("the folder cannot be read: " + error.message(), folder.string(),
-                        "Check its permissions");
-  }
-  std::ranges::sort(paths);
-  return paths;
+  std::ranges::sort(found.paths);
+  return found;
 }
 
 Manifest make_manifest(const Take& take, const ManifestOptions& options) {

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/error.h"
 #include "base/time.h"
 #include "store/take.h"
 
@@ -43,6 +44,13 @@ Manifest parse_manifest(std::string_view text, const std::string& name);
 /// (bad input) if something there is neither folder nor regular file, or if a name holds control
 /// characters.
 std::vector<std::string> files_of_take(const std::filesystem::path& folder);
+
+/// What files_of_take() returns, and what it refuses.
+struct FilesOfTake {
+  std::vector<std::string> paths;  ///< sorted
+  std::vector<Error> refused;      ///< links, special files, names, folders that cannot be read
+};
+FilesOfTake find_files_of_take(const std::filesystem::path& folder);
 
 struct ManifestOptions {
   std::function<void(double)> progress;  ///< called with the share done, 0 to 1, from any thread

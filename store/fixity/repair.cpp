@@ -162,6 +162,7 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
   std::optional<CopyOfTake> copy;
   if (options.copy) {
     copy.emplace(folder, *options.copy);
+    report.left_out = copy->left_out();
     report.files = copy->restore_documents(options.dry_run);
   }
   // In a dry run take.json may be missing still.

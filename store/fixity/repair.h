@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "base/run_status.h"
 #include "store/fixity/salvage.h"
 #include "store/take.h"
@@ -43,6 +44,8 @@ struct RepairReport {
     std::string error;  ///< why it cannot be taken; empty if it can
   };
   std::vector<RestoredFile> files;
+  /// What else is in the copy and was not taken: links, special files, names of no take's file.
+  std::vector<Error> left_out;
   /// Whether the timeline has kept its ticks, and lost frames are absent from it now.
   bool is_timeline_renumbered = false;
   /// New name of a timeline that no longer matches; empty if it matches, or with dry_run.
@@ -62,8 +65,7 @@ struct RepairReport {
 /// With a copy, frames and records that are damaged or missing are taken from it (merge_pairs.h),
 /// and so are missing files, and documents that cannot be read. Nothing in the copy is changed.
 ///
-/// Throws Error (bad input) if take.json or rig.json cannot be read, or the copy is of another take
-/// or has links.
+/// Throws Error (bad input) if take.json or rig.json cannot be read, or the copy is of another take.
 RepairReport repair_take(const std::filesystem::path& folder, const RepairOptions& options);
 
 /// Writes the frames and records of `salvaged` as a new pair of closed files. Throws Error (failed)

@@ -90,18 +90,35 @@ void for_each_part(const MappedFile& file, const fs::path& name,
   file.check_read();
 }
 
+/// Throws Error (failed) if a file of this size does not fit the disk: it may be a hole of a
+/// terabyte, which takes no space in the copy.
+void check_free_space(const fs::path& target, std::size_t bytes) {
+  std::error_code error;
+  const fs::space_info space = fs::space(target.parent_path(), error);
+  if (error || space.available >= bytes) return;
+  throw Error::failed(
+      fmt::format("the copy's file has {:.1f} MB, the disk {:.1f} MB free",
+                  static_cast<double>(bytes) * 1e-6, static_cast<double>(space.available) * 1e-6),
+      target.string(), "Free space on the disk");
+}
+
 void copy_to(const MappedFile& source, const fs::path& name, const fs::path& target) {
+  check_free_space(target, source.bytes().size());
   OutputFile out(target, OutputFile::Open::kExisting);
   std::vector<std::byte> buffer;  // the kernel would refuse a truncated map with another error
   std::uint64_t offset = 0;
+  const auto check = [&](bool is_written) {
+    if (is_written) return;
+    throw Error::from_errno("the file cannot be written", target.string(),
+                            "Free space on the disk");
+  };
   for_each_part(source, name, [&](std::span<const std::byte> part) {
     buffer.assign(part.begin(), part.end());
-    if (!out.write_at(offset, buffer)) {
-      throw Error::from_errno("the file cannot be written", target.string(),
-                              "Free space on the disk");
-    }
+    const bool is_hole = std::ranges::all_of(buffer, [](std::byte b) { return b == std::byte{}; });
+    if (!is_hole) check(out.write_at(offset, buffer));
     offset += buffer.size();
   });
+  check(out.truncate(offset));  // which holes at the end need
 }
 
 Error another_take(const fs::path& copy, const std::string& what) {
@@ -260,6 +277,7 @@ CopyOfTake::CopyOfTake(fs::path take, fs::path copy)
   const State rig_state = state_of({take_, kRigFile}, check_rig);
   has_own_documents_ = take_state == State::kValid && rig_state == State::kValid;
   if (own) check_identity(*own, other.document(), copy_);
+  copied_files_ = find_files_of_take(copy_);
 }
 
 void CopyOfTake::restore(const std::string& file, bool dry_run, bool keep_old,
@@ -317,7 +335,7 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_documents(bool dry_r
     const auto check_copy = [&](const std::string& text) { check_list_of_maps(take_, text); };
     restore_invalid(maps.relative, check, check_copy, never);
   }
-  for (const std::string& file : files_of_take(copy_)) {
+  for (const std::string& file : copied_files_.paths) {
     if (!file.starts_with("recording/") || !file.ends_with(".json")) continue;
     std::optional<RecordingDocument> own, copy;
     require_contained({take_, file});
@@ -366,7 +384,7 @@ void CopyOfTake::repair_camera(const ArchivePair& description, bool dry_run,
 
 std::vector<RepairReport::RestoredFile> CopyOfTake::restore_derived(bool dry_run) const {
   std::vector<RepairReport::RestoredFile> restored;
-  for (const std::string& file : files_of_take(copy_)) {
+  for (const std::string& file : copied_files_.paths) {
     const bool elsewhere = file == kTakeFile || file == kRigFile || file == kTimelineFile ||
                            file == ImportedDepthsDocument::kFile || file.starts_with("archive/") ||
                            file.starts_with("recording/");

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
+#include "store/fixity/manifest.h"
 #include "store/fixity/repair.h"
 
 namespace raystage::store {
@@ -19,6 +21,8 @@ class CopyOfTake {
   /// whether its contents are valid is then unknown.
   CopyOfTake(std::filesystem::path take, std::filesystem::path copy);
 
+  /// Returns what is in the copy and is no file of a take.
+  const std::vector<Error>& left_out() const { return copied_files_.refused; }
   /// Returns whether take.json and rig.json of the take were readable.
   bool has_own_documents() const { return has_own_documents_; }
   /// Restores take.json, rig.json and the recording accounts if they are missing or their contents
@@ -41,6 +45,7 @@ class CopyOfTake {
 
   std::filesystem::path take_, copy_;
   bool has_own_documents_ = false;
+  FilesOfTake copied_files_;
 };
 
 }  // namespace raystage::store

@@ -438,6 +438,43 @@ TEST_F(RepairFromCopy, ALargeFileIsRestored) {
   EXPECT_EQ(testing::bytes_of(take / "matte.bin"), large);
 }
 
+TEST_F(RepairFromCopy, AHoleStaysAHoleAndMustFitTheDisk) {
+  write_bytes_to(copy / "sparse.bin", Bytes(10, std::byte{1}));
+  fs::resize_file(copy / "sparse.bin", 50'000'000);
+  EXPECT_FALSE(repair().failed());
+  EXPECT_EQ(testing::bytes_of(take / "sparse.bin"), testing::bytes_of(copy / "sparse.bin"));
+  struct stat status {};
+  ASSERT_EQ(stat((take / "sparse.bin").c_str(), &status), 0);
+  EXPECT_LT(status.st_blocks * 512, 5'000'000);
+  const auto most = std::uintmax_t{1} << 42;
+  std::error_code unsupported;
+  write_bytes_to(copy / "huge.bin", Bytes{});
+  fs::resize_file(copy / "huge.bin", most, unsupported);
+  if (unsupported || fs::space(take).available >= most) GTEST_SKIP() << "the disk is too large";
+  const RepairReport report = repair();
+  ASSERT_EQ(report.files.size(), 1U);
+  EXPECT_THAT(report.files[0].error, HasSubstr("MB free"));
+  EXPECT_FALSE(fs::exists(take / "huge.bin"));
+}
+
+// What is no file of a take does not keep the take from being repaired.
+TEST_F(RepairFromCopy, StrangeFilesOfTheCopyAreLeftOut) {
+  fs::create_symlink("loop", copy / "loop");
+  fs::create_symlink("/etc/passwd", copy / "recording" / "link.json");
+  ASSERT_EQ(mkfifo((copy / "pipe").c_str(), 0600), 0);
+  write_bytes_to(copy / "two\nlines", Bytes(3));
+  fs::remove(take / "archive" / "c0.mkv");
+  fs::remove(take / "recording" / "one.json");
+  const RepairReport report = repair();
+  EXPECT_FALSE(report.failed() || report.has_losses());
+  EXPECT_EQ(contents_of(take), whole);
+  std::vector<std::string> left_out;
+  for (const Error& error : report.left_out) {
+    left_out.push_back(fs::path(error.where()).filename().string());
+  }
+  EXPECT_THAT(left_out, ::testing::UnorderedElementsAre("loop", "link.json", "pipe", "two\nlines"));
+}
+
 TEST_F(RepairFromCopy, AnIntactTakeTakesNothingFromADamagedCopy) {
   fs::resize_file(copy / "archive" / "c1.mkv", 700);
   fs::remove(copy / "archive" / "c2.mkv");

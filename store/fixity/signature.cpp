@@ -12,6 +12,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kNamespace = "raystage";
 constexpr const char* kProgram = "ssh-keygen";
+constexpr std::size_t kMaxSignersBytes = std::size_t{1} << 24;
 
 fs::path signature_of(const fs::path& file) { return file.string() + ".sig"; }
 
@@ -64,13 +65,21 @@ std::string signature_fault(const std::string& text, const fs::path& signature,
     throw Error::bad_input("the signature is missing", signature.string(),
                            "Sign the manifest, or restore its signature");
   }
+  read_file(signers.file, kMaxSignersBytes);  // throws if it is missing or no file
   ChildOptions options;
   options.input = text;
+  const std::string file = fs::absolute(signature).string();
   const ChildResult result =
       run_child({kProgram, "-Y", "verify", "-f", fs::absolute(signers.file).string(), "-I",
-                 signers.identity, "-n", kNamespace, "-s", fs::absolute(signature).string()},
+                 signers.identity, "-n", kNamespace, "-s", file},
                 options);
   if (result.exit_code == 0) return "";
+  const ChildResult by_anybody =
+      run_child({kProgram, "-Y", "check-novalidate", "-n", kNamespace, "-s", file}, options);
+  if (by_anybody.exit_code == 0) {
+    return "of the manifest, but not by " + signers.identity + " as " + signers.file.string() +
+           " lists them";
+  }
   return "bad: " + std::string(kProgram) + " ended with code " + std::to_string(result.exit_code) +
          (result.out.empty() ? "" : ": " + one_line(result.out));
 }

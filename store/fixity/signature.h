@@ -21,8 +21,9 @@ struct Signers {
   std::string identity;
 };
 
-/// Checks a signature of `text` by `ssh-keygen -Y verify`. Returns what is wrong, or "". Throws
-/// Error (bad input) if there is no signature, Error (failed) if ssh-keygen cannot be started.
+/// Checks a signature of `text` by `ssh-keygen -Y verify`. Returns what is wrong, or "": it
+/// is of another text, or not by that signer. Throws Error (bad input) if there is no signature or
+/// the file of signers cannot be read, Error (failed) if ssh-keygen cannot be started.
 std::string signature_fault(const std::string& text, const std::filesystem::path& signature,
                             const Signers& signers);
 

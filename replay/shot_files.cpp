@@ -41,6 +41,12 @@ ShotFiles::ShotFiles(const fs::path& folder) {
   }
 }
 
+bool ShotFiles::contains(const fs::path& path) const {
+  std::error_code error;
+  const fs::path resolved = fs::weakly_canonical(path, error);
+  return !error && is_below(resolved, folder_);
+}
+
 fs::path ShotFiles::path(std::string_view file) const {
   const fs::path relative(file);
   std::error_code error;

@@ -19,6 +19,8 @@ class ShotFiles {
   explicit ShotFiles(const std::filesystem::path& folder);
 
   const std::filesystem::path& folder() const { return folder_; }
+  /// Returns whether an absolute path is the folder or below it, links resolved.
+  bool contains(const std::filesystem::path& path) const;
   /// Returns the path of a file. Throws Error (bad input) if it would be outside of the folder.
   std::filesystem::path path(std::string_view file) const;
   /// Returns the path of a folder; "." is the folder of all. Throws as path().

@@ -13,7 +13,6 @@ namespace raystage::replay {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 /// Where schemas/shot.schema.json has paths, as JSON pointers; "*": all items of an array.
 constexpr std::array kPaths{"/camera/file/path",          "/layers/*/take",
@@ -22,7 +21,8 @@ constexpr std::array kPaths{"/camera/file/path",          "/layers/*/take",
                             "/layers/*/matte/empty_take", "/lights/*/environment",
                             "/output/color/config"};
 
-template <class Change>
+/// Calls `change` with each text at a pointer.
+template <class Json, class Change>
 void change_at(Json& json, std::string_view pointer, const Change& change) {
   if (pointer.empty()) {
     if (json.is_string()) change(json);
@@ -44,6 +44,7 @@ void change_at(Json& json, std::string_view pointer, const Change& change) {
 
 std::string rebase_shot_paths(std::string_view text, const fs::path& from, const fs::path& to) {
   schemas::parse_json(text, "shot");  // which limits the nesting, but sorts the properties
+  using Json = nlohmann::ordered_json;
   Json json = Json::parse(text);
   if (!json.is_object()) {
     throw Error::bad_input("this is no JSON object", "shot", "Give the text of a shot");
@@ -63,6 +64,21 @@ std::string rebase_shot_paths(std::string_view text, const fs::path& from, const
     });
   }
   return schemas::dump_json(json) + "\n";
+}
+
+std::vector<fs::path> shot_paths(std::string_view text, const fs::path& from) {
+  nlohmann::json json = schemas::parse_json(text, "shot");
+  std::vector<fs::path> paths;
+  for (const char* const pointer : kPaths) {
+    change_at(json, pointer, [&](const nlohmann::json& value) {
+      const fs::path path(value.get<std::string>());
+      if (path.empty()) return;
+      fs::path whole = (from / path).lexically_normal();
+      if (!whole.has_filename()) whole = whole.parent_path();  // of "take/"
+      paths.push_back(std::move(whole));
+    });
+  }
+  return paths;
 }
 
 }  // namespace raystage::replay

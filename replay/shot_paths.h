@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace raystage::replay {
 
@@ -13,5 +14,11 @@ namespace raystage::replay {
 /// UTF-8.
 std::string rebase_shot_paths(std::string_view text, const std::filesystem::path& from,
                               const std::filesystem::path& to);
+
+/// Returns the paths in a shot's text, absolute and without "." and "..", but with their links and
+/// frame numbers as they are. `from`: absolute folder from which relative paths start. Throws Error
+/// (bad input) if the text is no JSON.
+std::vector<std::filesystem::path> shot_paths(std::string_view text,
+                                              const std::filesystem::path& from);
 
 }  // namespace raystage::replay

@@ -15,6 +15,7 @@
 #include "compose/camera/camera_keys.h"
 #include "replay/live_view.h"
 #include "replay/nested_ranges.h"
+#include "replay/permitted_paths.h"
 #include "replay/progress_reporter.h"
 #include "replay/server_messages.h"
 #include "replay/snapshot.h"
@@ -49,7 +50,7 @@ struct RangesView {
 
 struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State> {
   State(const SessionServices& with_services, std::weak_ptr<Client> to_client)
-      : services(with_services), client(std::move(to_client)) {
+      : services(with_services), client(std::move(to_client)), permitted(services.files) {
     static std::atomic<RenderScheduler::ClientId> last_id = 0;
     id = ++last_id;
   }
@@ -57,6 +58,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
   const SessionServices& services;
   std::weak_ptr<Client> client;
   RenderScheduler::ClientId id = 0;
+  PermittedPaths permitted;
   std::mutex mutex;  // guards the members below
   std::shared_ptr<const ShownShot> shown;
   std::shared_ptr<const ShownShot> with_confidence;  // the same, with the measure; null: not opened
@@ -114,6 +116,11 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
   void show(std::int64_t request, const ShotText& text, ShotOrigin origin) {
     schemas::ShotDocument shot = schemas::parse_shot(text.text, text.file);
     const std::filesystem::path file = services.files.path(text.file);
+    if (origin == ShotOrigin::kOpened) {
+      permitted.permit(text.file, text.text);
+    } else {
+      permitted.check(text.file, text.text);
+    }
     compose::ShotCamera camera(shot, file);
     std::shared_ptr<const Scene> scene = services.open_scene(shot, file);
     auto opened = std::make_shared<const ShownShot>(
@@ -218,6 +225,8 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     send_picture(options.content, request.id, render_picture(*shot, request, options, stop));
     reporter.reset();
     if (request.comparison) {
+      const std::string& text = request.comparison->text;
+      if (!text.empty()) permitted.check(shot->file, text);
       send_picture(PictureContent::kComparison, request.id,
                    render_comparison(*shot, request, services.files, services.open_scene, stop));
     }
@@ -271,10 +280,19 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     send(file_message(request.id, "written", request.file));
   }
 
-  void autosave(const ViewerMessage& request) const {
+  void save(const ViewerMessage& request) {
+    permitted.check(request.shot.empty() ? request.file : request.shot, request.text);
+    const std::string written =
+        services.files.write(request.file, request.text, request.replace, request.shot);
+    send(saved_message(request.id, request.file,
+                       written == request.text ? std::string_view() : written));
+  }
+
+  void autosave(const ViewerMessage& request) {
     if (request.text.empty()) {
       services.files.forget_autosave(request.file);
     } else {
+      permitted.check(request.file, request.text);
       services.files.write_autosave(request.file, request.text);
     }
     send(file_message(request.id, "kept", request.file));
@@ -327,12 +345,8 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         });
         break;
       case Type::kSave:
-        submit(JobKind::kFile, request.id, [request](State& state, const auto&) {
-          const std::string written =
-              state.services.files.write(request.file, request.text, request.replace, request.shot);
-          state.send(saved_message(request.id, request.file,
-                                   written == request.text ? std::string_view() : written));
-        });
+        submit(JobKind::kFile, request.id,
+               [request](State& state, const auto&) { state.save(request); });
         break;
       case Type::kSnapshot:
         submit(JobKind::kSnapshot, request.id, [request](State& state, const auto& stop) {

@@ -230,6 +230,27 @@ class Server(unittest.TestCase):
                 self.assertIn("outside", answer["what"])
         connection.close()
 
+    def test_shots_of_pages_name_no_files_outside_of_the_folder(self) -> None:
+        connection = self.open_socket()
+        texts = self.texts(connection)
+        shown = next(text for text in texts if text["type"] == "shot")
+        shot = json.loads(shown["text"]) if isinstance(shown["text"], str) else shown["text"]
+        with tempfile.TemporaryDirectory(prefix="raystage-outside-") as outside:
+            (pathlib.Path(outside) / "take.json").write_text("TOPSECRET")
+            takes = [outside, "/etc/passwd", "/no/such/folder", f"../{pathlib.Path(outside).name}"]
+            for number, take in enumerate(takes, 10):
+                shot["layers"][0]["take"] = take
+                text = json.dumps(shot)
+                view = {"type": "view", "frame": 1, "width": 64, "height": 48, "quality": "resting", "comparison": {"text": text}}
+                for members in ({"type": "shot", "file": "x.json", "text": text}, {"type": "save", "file": "x.json", "text": text, "replace": True},
+                                {"type": "autosave", "file": "x.json", "text": text}, view):
+                    connection.sendall(self.frame(json.dumps({"schema": SCHEMA, "id": number, **members}).encode()))
+                    answer = next(text for text in texts if text.get("id") == number and text["type"] == "error")
+                    self.assertIn("outside of the viewer's folder", answer["what"], (take, members["type"]))
+                    self.assertNotIn("TOPSECRET", json.dumps(answer))
+        self.assertFalse((self.root / "x.json").exists())
+        connection.close()
+
     def test_more_viewers_than_allowed_are_refused(self) -> None:
         sockets = [self.open_socket() for _ in range(4)]
         self.assertEqual(self.upgrade()[1], 503)

@@ -110,8 +110,9 @@ Error contained_open_error(const ContainedPath& file, int reason) {
   if (reason == ELOOP) {
     return Error::bad_input("a part of the path is a link, which could lead anywhere",
                             file.path().string(),
-                            std::string("Replace the link by the file or folder itself, or set ") +
-                                kFollowLinksVariable + "=1 to read through links that you trust");
+                            std::string("Replace the link by the file or folder itself; to read ") +
+                                "through links that you trust, add --follow-links, or set " +
+                                kFollowLinksVariable + "=1");
   }
   return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
                           file.path().string(), "Check that it exists and is readable");

@@ -42,8 +42,8 @@ ExitCode export_quilt_of(QuiltCommand& command, const std::stop_token& stop) {
     }
     if (report.rotten > 0) {
       print_error(
-          "warning: {} frames lack cameras whose stored frames are not as they were "
-          "recorded (XXH3)\n",
+          "warning: frames without cameras whose stored frames are not as they were recorded "
+          "(XXH3): {}\n",
           report.rotten);
     }
     constexpr double kWhole = 0.995;

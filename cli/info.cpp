@@ -286,9 +286,10 @@ void print_depth_maps(const DepthMaps& maps) {
     }
   }
   if (maps.estimated > 0) {
-    line("Depth maps", fmt::format("estimated: of {} light field frames, in {} sets of settings "
-                                   "(depth/, can be deleted)",
-                                   maps.estimated, maps.estimated_sets));
+    line("Depth maps",
+         fmt::format("estimated: of {} light field frames, in {} set{} of settings "
+                     "(depth/, can be deleted)",
+                     maps.estimated, maps.estimated_sets, maps.estimated_sets == 1 ? "" : "s"));
   }
 }
 

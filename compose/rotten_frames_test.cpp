@@ -90,8 +90,8 @@ TEST_F(RottenFramesOfTakes, CamerasAreAbsentAndTheFileSaysSo) {
     EXPECT_THAT(rotten(kShown + 1), IsEmpty());
     EXPECT_EQ(pixels(), expected);
     EXPECT_EQ(coverage(), expected_coverage);
-    EXPECT_THAT(messages_, Contains(HasSubstr("cameras are absent from frames 104")));
-    EXPECT_THAT(report.summary(), HasSubstr("1 lack cameras whose stored frames are rotten (104)"));
+    EXPECT_THAT(messages_, Contains(HasSubstr("frame 104 was rendered without cameras")));
+    EXPECT_THAT(report.summary(), HasSubstr("1 without cameras whose stored frames were rotten (104)"));
 
     options_.existing = ExistingFiles::kSkip;
     report = run();

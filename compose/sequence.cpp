@@ -281,12 +281,16 @@ class SequenceRun {
 
   void report_rotten_cameras() const {
     if (with_rot_.empty()) return;
+    const std::string frames =
+        format_frame_range(std::vector<int>(with_rot_.begin(), with_rot_.end()));
+    // Also said of frames of an earlier run that are kept.
     options_.on_message(fmt::format(
-        "cameras are absent from frames {}, because their stored frames are rotten (XXH3): {}. If "
-        "`raystage verify` finds damage, repair the take; then render these frames again with "
-        "--existing overwrite",
-        format_frame_range(std::vector<int>(with_rot_.begin(), with_rot_.end())),
-        fmt::join(rotten_cameras_, ", ")));
+        "{} {} rendered without cameras whose stored frames were rotten (XXH3): {}. Check the take "
+        "with `raystage verify`, and repair it; then render again with --frames {} --existing "
+        "overwrite",
+        with_rot_.size() == 1 ? "frame" : "frames",
+        with_rot_.size() == 1 ? frames + " was" : frames + " were",
+        fmt::join(rotten_cameras_, ", "), frames));
   }
 
   void advance(int parts) {
@@ -434,8 +438,9 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
 
   report_sequence_warnings(plan, checked.frames, options);
   std::string plan_text =
-      fmt::format("writing {} frames to {}, {} in flight, {} of cache", checked.frames.size(),
-                  checked.name.pattern(), memory.frames_in_flight, format_byte_size(memory.cache));
+      fmt::format("writing {} frame{} to {}, {} in flight, {} of cache", checked.frames.size(),
+                  checked.frames.size() == 1 ? "" : "s", checked.name.pattern(),
+                  memory.frames_in_flight, format_byte_size(memory.cache));
   if (memory.result_cache + memory.working > 0) {
     plan_text += fmt::format(", {} for results of {}, {} of working memory for each frame",
                              format_byte_size(memory.result_cache), methods_text(plan),

@@ -37,7 +37,7 @@ std::string SequenceReport::summary() const {
                         format_frame_range(frames_below_coverage));
   }
   if (!frames_with_rot.empty()) {
-    text += fmt::format(", {} lack cameras whose stored frames are rotten ({})",
+    text += fmt::format(", {} without cameras whose stored frames were rotten ({})",
                         frames_with_rot.size(), format_frame_range(frames_with_rot));
   }
   if (status == RunStatus::kStopped) text += ", stopped early";

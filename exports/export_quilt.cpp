@@ -51,7 +51,7 @@ OpenedShot open_shot(const QuiltExportOptions& options) {
     const std::filesystem::path folder =
         std::filesystem::absolute(options.input / "").lexically_normal().parent_path();
     opened.take.emplace(folder);
-    opened.file = folder.parent_path() / (folder.filename().string() + ".shot.json");
+    opened.file = folder;  // beside which the shot's paths are, and which errors name
     opened.shot = replay::make_take_shot(*opened.take, store::read_timeline(*opened.take),
                                          folder.filename().string());
   } else {

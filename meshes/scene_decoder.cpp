@@ -61,6 +61,10 @@ DecodedScene decode_scene(const fs::path& file, const DecodeOptions& options) {
     throw Error::bad_input("the mesh file does not exist", file.string(),
                            "Correct the layer's path; it is relative to the shot's folder");
   }
+  if (std::error_code error; fs::status(file, error).type() != fs::file_type::regular) {
+    throw Error::bad_input("the mesh is no file, but a folder, a pipe or a device", file.string(),
+                           "Correct the layer's path");
+  }
   const std::uint64_t size = readable_bytes(file);
   sandbox::DecoderOptions process;
   process.program = "raystage-decode-mesh";
@@ -77,8 +81,9 @@ DecodedScene decode_scene(const fs::path& file, const DecodeOptions& options) {
   try {
     return decode_scene_bytes(bytes);
   } catch (const std::runtime_error& error) {
-    throw Error::bad_input(std::string("the mesh cannot be read: ") + error.what(), file.string(),
-                           "Export it again");
+    std::string reason = error.what();
+    while (reason.ends_with('.')) reason.pop_back();
+    throw Error::bad_input("the mesh cannot be read: " + reason, file.string(), "Export it again");
   }
 }
 

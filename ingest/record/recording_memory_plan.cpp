@@ -69,7 +69,8 @@ void check_memory_ceiling(const RecordingMemoryPlan& plan, std::size_t ceiling) 
           ? fmt::format("Raise the ceiling to {:.0f} MB, or reduce memory_mb to {:.0f}",
                         std::ceil(megabytes(MemoryCeiling::needed(all))),
                         std::floor(megabytes(plan.frames - excess)))
-          : "Raise the ceiling, or record fewer cameras on this node")
+          : fmt::format("Raise the ceiling to {:.0f} MB, or record fewer cameras on this node",
+                        std::ceil(megabytes(MemoryCeiling::needed(all)))))
       .concerning({"memory_ceiling", "memory"});
 }
 

@@ -91,7 +91,8 @@ TEST_F(RottenFramesOfTakes, CamerasAreAbsentAndTheFileSaysSo) {
     EXPECT_EQ(pixels(), expected);
     EXPECT_EQ(coverage(), expected_coverage);
     EXPECT_THAT(messages_, Contains(HasSubstr("frame 104 was rendered without cameras")));
-    EXPECT_THAT(report.summary(), HasSubstr("1 without cameras whose stored frames were rotten (104)"));
+    EXPECT_THAT(report.summary(),
+                HasSubstr("1 without cameras whose stored frames were rotten (104)"));
 
     options_.existing = ExistingFiles::kSkip;
     report = run();

@@ -65,7 +65,8 @@ struct RepairReport {
 /// With a copy, frames and records that are damaged or missing are taken from it (merge_pairs.h),
 /// and so are missing files, and documents that cannot be read. Nothing in the copy is changed.
 ///
-/// Throws Error (bad input) if take.json or rig.json cannot be read, or the copy is of another take.
+/// Throws Error (bad input) if take.json or rig.json cannot be read, or the copy is of another
+/// take.
 RepairReport repair_take(const std::filesystem::path& folder, const RepairOptions& options);
 
 /// Writes the frames and records of `salvaged` as a new pair of closed files. Throws Error (failed)

@@ -92,18 +92,18 @@ void for_each_part(const MappedFile& file, const fs::path& name,
 
 /// Throws Error (failed) if a file of this size does not fit the disk: it may be a hole of a
 /// terabyte, which takes no space in the copy.
-void check_free_space(const fs::path& target, std::size_t bytes) {
+void check_free_space(const fs::path& source, std::size_t bytes, const fs::path& target) {
   std::error_code error;
   const fs::space_info space = fs::space(target.parent_path(), error);
   if (error || space.available >= bytes) return;
   throw Error::failed(
-      fmt::format("the copy's file has {:.1f} MB, the disk {:.1f} MB free",
+      fmt::format("it has {:.1f} MB, the disk of the take {:.1f} MB free",
                   static_cast<double>(bytes) * 1e-6, static_cast<double>(space.available) * 1e-6),
-      target.string(), "Free space on the disk");
+      source.string(), "Free space on the disk");
 }
 
 void copy_to(const MappedFile& source, const fs::path& name, const fs::path& target) {
-  check_free_space(target, source.bytes().size());
+  check_free_space(name, source.bytes().size(), target);
   OutputFile out(target, OutputFile::Open::kExisting);
   std::vector<std::byte> buffer;  // the kernel would refuse a truncated map with another error
   std::uint64_t offset = 0;

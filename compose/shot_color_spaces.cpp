@@ -31,9 +31,11 @@ ShotColorSpaces make_shot_color_spaces(const schemas::ShotDocument& shot,
   const bool works_in_scene = color.working_space == kSceneSpace;
   if (!has_config && color.color_space == kSceneSpace && works_in_scene) return result;
   const ColorConfig config =
-      has_config ? ColorConfig::from_file(config_file.empty() ? folder / color.config : config_file,
-                                          color.rec709_space)
-                 : ColorConfig::built_in();
+      has_config
+          ? ColorConfig::from_file(
+                config_file.empty() ? (folder / color.config).lexically_normal() : config_file,
+                color.rec709_space)
+          : ColorConfig::built_in();
   if (has_config) result.studio = config;
   if (!works_in_scene) {
     result.working_from_scene = config.to_space(color.working_space);

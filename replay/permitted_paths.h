@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "replay/shot_files.h"
+#include "replay/shot_paths.h"
 
 namespace raystage::replay {
 
@@ -21,15 +22,16 @@ class PermittedPaths {
   /// Permits what a shot names whose text is from its file.
   void permit(std::string_view file, std::string_view text);
   /// Throws Error (bad input) that names the first path in the text of a page that is not
-  /// permitted. `file`: the shot from whose folder relative paths start.
+  /// permitted or cannot be examined. `file`: the shot from whose folder relative paths start.
   void check(std::string_view file, std::string_view text);
 
  private:
-  bool is_permitted(const std::filesystem::path& path) const;
+  void permit_file(std::string_view file, const std::filesystem::path& shot);
+  bool is_permitted(const ShotPath& path) const;
 
   const ShotFiles& files_;
-  mutable std::mutex mutex_;  // guards permitted_
-  std::set<std::filesystem::path> permitted_;
+  mutable std::mutex mutex_;                   // guards permitted_
+  std::set<std::filesystem::path> permitted_;  ///< outside of the folder, in both forms
 };
 
 }  // namespace raystage::replay

@@ -16,6 +16,12 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
+constexpr const char* kShotOfATakeElsewhere = R"({
+  "schema": "raystage/shot/2", "name": "test", "width": 64, "height": 48, "fps": 24, "first_frame": 1, "last_frame": 2,
+  "camera": {"keys": [{"frame": 1, "position": [0, 0, 0], "horizontal_fov_deg": 40}]},
+  "layers": [{"name": "a", "take": "../../takes/one"}]
+})";
+
 std::string shot_of_take(const std::string& take) {
   return fmt::format(R"({{"layers": [{{"take": "{}"}}]}})", take);
 }
@@ -57,9 +63,17 @@ TEST_F(PermittedPathsTest, AreThoseBelowTheFolder) {
         R"({"layers": [{"plate": {"file": "/no/such/p.####.exr"}}]})",
         R"({"layers": [{}, {"geometry": {"file": "../../secret/a.obj"}}]})",
         R"({"lights": [{"environment": "/sky.exr"}]})",
-        R"({"output": {"color": {"config": "../../config.ocio"}}})"}) {
+        R"({"output": {"color": {"config": "../../config.ocio"}}})",
+        R"({"output": {"color": {"config": "../link/../config.ocio"}}})",
+        R"({"layers": [{"take": "take", "options": {"mesh": "/etc/passwd"}}]})",
+        R"({"layers": [{"take": "take", "options": {"objects": "../../../secret/a"}}]})",
+        R"({"layers": [{"options": {"depth_map": "../../../a.exr"}}]})"}) {
     EXPECT_THAT(refusal(text), HasSubstr("outside of the viewer's folder")) << text;
   }
+  EXPECT_EQ(refusal(R"({"layers": [{"take": "take", "options": {"mesh": "../mesh/a.obj",
+                      "proxy": "mesh", "near": 3}}]})"),
+            "");
+  EXPECT_THAT(refusal(shot_of_take(std::string(300, 'a'))), HasSubstr("cannot be examined"));
   EXPECT_NE(refusal("[", "scenes/a.json"), "");
   EXPECT_NE(refusal(shot_of_take("take"), "../a.json"), "") << "the shot itself is outside";
 }
@@ -72,11 +86,18 @@ TEST_F(PermittedPathsTest, AreThoseThatTheUsersShotsName) {
   EXPECT_EQ(refusal(shot_of_take("../takes/one"), "b.json"), "") << "of another folder";
   EXPECT_NE(refusal(shot_of_take("../../takes/two")), "");
   EXPECT_NE(refusal(shot_of_take("../../takes")), "");
+  EXPECT_EQ(refusal(R"({"layers": [{"take": "../../takes/one", "options": {"proxy": "depth"}}]})"),
+            "");
+  // What is behind the link is another folder.
+  fs::create_directory_symlink(parent_.path() / "secret", folder_ / "link");
+  EXPECT_NE(refusal(shot_of_take("../link/../../takes/one")), "");
 }
 
 TEST_F(PermittedPathsTest, AreKnownFromTheFileOfAShotThatIsNotOpenedAgain) {
   const std::string text = shot_of_take("../../takes/one");
   write_file_atomically(folder_ / "scenes" / "a.json", text);
+  EXPECT_NE(refusal(text), "") << "this is no shot";
+  write_file_atomically(folder_ / "scenes" / "a.json", std::string_view(kShotOfATakeElsewhere));
   EXPECT_EQ(refusal(text), "");
   EXPECT_NE(refusal(shot_of_take("../../takes/two")), "");
 }

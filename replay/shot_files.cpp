@@ -44,7 +44,11 @@ ShotFiles::ShotFiles(const fs::path& folder) {
 bool ShotFiles::contains(const fs::path& path) const {
   std::error_code error;
   const fs::path resolved = fs::weakly_canonical(path, error);
-  return !error && is_below(resolved, folder_);
+  if (error) {
+    throw Error::bad_input("the path cannot be examined: " + error.message(), path.string(),
+                           "Choose another file");
+  }
+  return is_below(resolved, folder_);
 }
 
 fs::path ShotFiles::path(std::string_view file) const {

@@ -19,7 +19,8 @@ class ShotFiles {
   explicit ShotFiles(const std::filesystem::path& folder);
 
   const std::filesystem::path& folder() const { return folder_; }
-  /// Returns whether an absolute path is the folder or below it, links resolved.
+  /// Returns whether an absolute path is the folder or below it, links resolved. Throws Error (bad
+  /// input) if that cannot be determined.
   bool contains(const std::filesystem::path& path) const;
   /// Returns the path of a file. Throws Error (bad input) if it would be outside of the folder.
   std::filesystem::path path(std::string_view file) const;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "render/methods.h"
 #include "schemas/json_text.h"
 #include "schemas/utf8_text.h"
 
@@ -66,17 +67,54 @@ std::string rebase_shot_paths(std::string_view text, const fs::path& from, const
   return schemas::dump_json(json) + "\n";
 }
 
-std::vector<fs::path> shot_paths(std::string_view text, const fs::path& from) {
+namespace {
+
+/// `from`: where the path starts, which may itself be a link unless `is_plain`.
+ShotPath shot_path(const fs::path& from, bool is_plain, const fs::path& path) {
+  ShotPath result{from / path, (from / path).lexically_normal(), true};
+  bool may_be_link = !is_plain;  // the part before
+  for (const fs::path& part : path) {
+    if (part == ".." && may_be_link) result.is_unambiguous = false;
+    may_be_link = may_be_link || part != "..";
+  }
+  if (!result.normal.has_filename()) result.normal = result.normal.parent_path();  // of "take/"
+  return result;
+}
+
+void add_option_paths(const nlohmann::json& layer, const fs::path& from,
+                      std::vector<ShotPath>& paths) {
+  if (!layer.is_object() || !layer.contains("options") || !layer["options"].is_object()) return;
+  const nlohmann::json& options = layer["options"];
+  const std::string take = layer.contains("take") && layer["take"].is_string()
+                               ? layer["take"].get<std::string>()
+                               : std::string();
+  const fs::path folder = shot_path(from, true, take).normal;
+  for (const render::Method* const method : render::methods()) {
+    for (const render::OptionSpec& option : method->options()) {
+      if (option.kind != render::OptionSpec::Kind::kText) continue;
+      for (const std::string_view name : {option.name, option.former}) {
+        const auto found = options.find(std::string(name));
+        if (found == options.end() || !found->is_string()) continue;
+        const fs::path path(found->get<std::string>());
+        if (!path.empty()) paths.push_back(shot_path(folder, false, path));
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<ShotPath> shot_paths(std::string_view text, const fs::path& from) {
   nlohmann::json json = schemas::parse_json(text, "shot");
-  std::vector<fs::path> paths;
+  std::vector<ShotPath> paths;
   for (const char* const pointer : kPaths) {
     change_at(json, pointer, [&](const nlohmann::json& value) {
       const fs::path path(value.get<std::string>());
-      if (path.empty()) return;
-      fs::path whole = (from / path).lexically_normal();
-      if (!whole.has_filename()) whole = whole.parent_path();  // of "take/"
-      paths.push_back(std::move(whole));
+      if (!path.empty()) paths.push_back(shot_path(from, true, path));
     });
+  }
+  if (json.is_object() && json.contains("layers") && json["layers"].is_array()) {
+    for (const nlohmann::json& layer : json["layers"]) add_option_paths(layer, from, paths);
   }
   return paths;
 }

@@ -15,10 +15,17 @@ namespace raystage::replay {
 std::string rebase_shot_paths(std::string_view text, const std::filesystem::path& from,
                               const std::filesystem::path& to);
 
-/// Returns the paths in a shot's text, absolute and without "." and "..", but with their links and
-/// frame numbers as they are. `from`: absolute folder from which relative paths start. Throws Error
-/// (bad input) if the text is no JSON.
-std::vector<std::filesystem::path> shot_paths(std::string_view text,
-                                              const std::filesystem::path& from);
+/// A path in a shot. Some files are opened by one form of it, some by the other, which leads
+/// elsewhere where a link is before "..".
+struct ShotPath {
+  std::filesystem::path written;  ///< absolute, otherwise as it is in the shot
+  std::filesystem::path normal;   ///< without "." and ".."
+  bool is_unambiguous = true;     ///< both lead to the same file, whatever is a link
+};
+
+/// Returns the paths in a shot's text: those of the document, and texts of the options of methods,
+/// which are files that start at the layer's take. `from`: absolute folder without links from which
+/// the others start. Throws Error (bad input) if the text is no JSON.
+std::vector<ShotPath> shot_paths(std::string_view text, const std::filesystem::path& from);
 
 }  // namespace raystage::replay

@@ -326,7 +326,9 @@ void add_to_fingerprint(Fingerprint& print, const std::vector<schemas::ShotDocum
     print.number("angle", light.angle_deg).number("radius", light.radius_m);
     print.number("strength", light.strength).integer("rays", light.rays);
     print.text("light_field", light.light_field);
-    if (!light.environment.empty()) add_file(print, folder / light.environment);
+    if (!light.environment.empty()) {
+      add_file(print, (folder / light.environment).lexically_normal());
+    }
   }
 }
 

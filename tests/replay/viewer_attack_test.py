@@ -237,16 +237,21 @@ class Server(unittest.TestCase):
         shot = json.loads(shown["text"]) if isinstance(shown["text"], str) else shown["text"]
         with tempfile.TemporaryDirectory(prefix="raystage-outside-") as outside:
             (pathlib.Path(outside) / "take.json").write_text("TOPSECRET")
-            takes = [outside, "/etc/passwd", "/no/such/folder", f"../{pathlib.Path(outside).name}"]
-            for number, take in enumerate(takes, 10):
-                shot["layers"][0]["take"] = take
-                text = json.dumps(shot)
+            os.symlink(outside, self.root / "lnk")
+            self.addCleanup(os.unlink, self.root / "lnk")
+            attacks = [{"take": take} for take in (outside, "/etc/passwd", "/no/such/folder", f"../{pathlib.Path(outside).name}", "lnk/../x")]
+            attacks += [{"method": method, "options": {"proxy": "mesh", "mesh": "/etc/passwd"} if option == "mesh" else {option: "/etc/passwd"}}
+                        for method, option in (("lumigraph", "mesh"), ("focal_plane", "objects"), ("aperture", "depth_map"))]
+            for number, attack in enumerate(attacks, 10):
+                changed = json.loads(json.dumps(shot))
+                changed["layers"][0].update(attack)
+                text = json.dumps(changed)
                 view = {"type": "view", "frame": 1, "width": 64, "height": 48, "quality": "resting", "comparison": {"text": text}}
                 for members in ({"type": "shot", "file": "x.json", "text": text}, {"type": "save", "file": "x.json", "text": text, "replace": True},
                                 {"type": "autosave", "file": "x.json", "text": text}, view):
                     connection.sendall(self.frame(json.dumps({"schema": SCHEMA, "id": number, **members}).encode()))
                     answer = next(text for text in texts if text.get("id") == number and text["type"] == "error")
-                    self.assertIn("outside of the viewer's folder", answer["what"], (take, members["type"]))
+                    self.assertIn("outside of the viewer's folder", answer["what"], (attack, members["type"]))
                     self.assertNotIn("TOPSECRET", json.dumps(answer))
         self.assertFalse((self.root / "x.json").exists())
         connection.close()

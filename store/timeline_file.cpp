@@ -41,8 +41,8 @@ constexpr std::array kClockNumbers{&CameraClock::period_ns, &CameraClock::phase_
 constexpr std::uint32_t kFittedFlag = 1;
 constexpr int kLevel = 9;
 constexpr std::uint32_t kMaxSteps = 1'000'000;
-/// Their times alone need 0.8 bytes each where the period is a power of two nanoseconds, and about
-/// 3 otherwise: more are a small file that wants much work.
+/// Their times alone need 0.7 to 1 bytes each where the period is a power of two nanoseconds, and 2
+/// to 4 otherwise: more are a small file that wants much work.
 constexpr std::uint64_t kMaxTicksPerByte = 4;
 /// The largest time, difference, clock offset, sum of clock steps and tolerance: 36 years. Sums of
 /// seven of them do not overflow.

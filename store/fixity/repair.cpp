@@ -161,7 +161,7 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
   RepairReport report;
   std::optional<CopyOfTake> copy;
   if (options.copy) {
-    copy.emplace(folder, *options.copy);
+    copy.emplace(folder, *options.copy, options.stop);
     report.left_out = copy->left_out();
     report.files = copy->restore_documents(options.dry_run);
   }

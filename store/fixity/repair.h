@@ -22,7 +22,7 @@ struct RepairOptions {
   std::optional<std::filesystem::path> copy = {};
   /// Called with the share of cameras done, 0 to 1, from any thread.
   std::function<void(double)> progress = {};
-  std::stop_token stop = {};  ///< checked between cameras
+  std::stop_token stop = {};  ///< checked between cameras, and in files of a copy
 };
 
 /// The repairs of a take, done or (dry_run) planned.

@@ -73,11 +73,14 @@ State state_of(const ContainedPath& file, const std::function<void(const std::st
 }
 
 /// Calls `use` with consecutive parts of a file's bytes. Throws Error (failed) if the disk cannot
-/// read them or another program truncates the file.
-void for_each_part(const MappedFile& file, const fs::path& name,
+/// read them, another program truncates the file, or a stop is requested.
+void for_each_part(const MappedFile& file, const fs::path& name, const std::stop_token& stop,
                    const std::function<void(std::span<const std::byte>)>& use) {
   constexpr std::size_t kPart = 1 << 20;  // bytes in memory at a time
   for (auto rest = file.bytes(); !rest.empty();) {
+    if (stop.stop_requested()) {
+      throw Error::failed("the repair was stopped", name.string(), "Repair the take again");
+    }
     const auto part = rest.first(std::min(rest.size(), kPart));
     if (!file.can_read(part)) {
       file.check_read();
@@ -92,9 +95,9 @@ void for_each_part(const MappedFile& file, const fs::path& name,
 
 /// Throws Error (failed) if a file of this size does not fit the disk: it may be a hole of a
 /// terabyte, which takes no space in the copy.
-void check_free_space(const fs::path& source, std::size_t bytes, const fs::path& target) {
+void check_free_space(const fs::path& source, std::size_t bytes, const fs::path& take) {
   std::error_code error;
-  const fs::space_info space = fs::space(target.parent_path(), error);
+  const fs::space_info space = fs::space(take, error);
   if (error || space.available >= bytes) return;
   throw Error::failed(
       fmt::format("it has {:.1f} MB, the disk of the take {:.1f} MB free",
@@ -102,8 +105,8 @@ void check_free_space(const fs::path& source, std::size_t bytes, const fs::path&
       source.string(), "Free space on the disk");
 }
 
-void copy_to(const MappedFile& source, const fs::path& name, const fs::path& target) {
-  check_free_space(name, source.bytes().size(), target);
+void copy_to(const MappedFile& source, const fs::path& name, const fs::path& target,
+             const std::stop_token& stop) {
   OutputFile out(target, OutputFile::Open::kExisting);
   std::vector<std::byte> buffer;  // the kernel would refuse a truncated map with another error
   std::uint64_t offset = 0;
@@ -112,7 +115,7 @@ void copy_to(const MappedFile& source, const fs::path& name, const fs::path& tar
     throw Error::from_errno("the file cannot be written", target.string(),
                             "Free space on the disk");
   };
-  for_each_part(source, name, [&](std::span<const std::byte> part) {
+  for_each_part(source, name, stop, [&](std::span<const std::byte> part) {
     buffer.assign(part.begin(), part.end());
     const bool is_hole = std::ranges::all_of(buffer, [](std::byte b) { return b == std::byte{}; });
     if (!is_hole) check(out.write_at(offset, buffer));
@@ -253,8 +256,8 @@ bool is_further(const RecordingDocument& copy, const RecordingDocument& own) {
 
 }  // namespace
 
-CopyOfTake::CopyOfTake(fs::path take, fs::path copy)
-    : take_(std::move(take)), copy_(std::move(copy)) {
+CopyOfTake::CopyOfTake(fs::path take, fs::path copy, std::stop_token stop)
+    : take_(std::move(take)), copy_(std::move(copy)), stop_(std::move(stop)) {
   const bool like_a_take = file_exists(take_ / kTakeFile) || file_exists(take_ / kRigFile) ||
                            is_folder(take_ / "archive");
   if (!is_folder(take_) || !like_a_take) {
@@ -288,9 +291,14 @@ void CopyOfTake::restore(const std::string& file, bool dry_run, bool keep_old,
     for (const fs::path& folder : {take_, copy_}) require_contained({folder, file});
     const MappedFile source(ContainedPath{copy_, file});
     std::string text;
+    check_free_space(copy_ / file, source.bytes().size(), take_);
     const bool load = check != nullptr;
+    if (load && source.bytes().size() > kMaxFileBytes) {
+      throw Error::bad_input("it is too large for a document", (copy_ / file).string(),
+                             "Use another copy");
+    }
     if (load || dry_run) {
-      for_each_part(source, copy_ / file, [&](std::span<const std::byte> part) {
+      for_each_part(source, copy_ / file, stop_, [&](std::span<const std::byte> part) {
         if (load) text.append(reinterpret_cast<const char*>(part.data()), part.size());
       });
     }
@@ -301,7 +309,7 @@ void CopyOfTake::restore(const std::string& file, bool dry_run, bool keep_old,
     remove_abandoned_temporary_files(target);
     check_writable(target);
     TemporaryFile written(target);
-    copy_to(source, copy_ / file, written.path());
+    copy_to(source, copy_ / file, written.path(), stop_);
     if (keep_old && is_name_taken(target)) keep_original(target);
     written.commit();
   } catch (const Error& error) {

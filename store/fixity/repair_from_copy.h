@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -19,7 +20,7 @@ class CopyOfTake {
   /// Throws Error (bad input) if `copy` is no take, or not a copy of `take`: its name, epoch, or
   /// cameras differ, or both are the same folder, or a document of the take cannot be opened:
   /// whether its contents are valid is then unknown.
-  CopyOfTake(std::filesystem::path take, std::filesystem::path copy);
+  CopyOfTake(std::filesystem::path take, std::filesystem::path copy, std::stop_token stop);
 
   /// Returns what is in the copy and is no file of a take.
   const std::vector<Error>& left_out() const { return copied_files_.refused; }
@@ -44,6 +45,7 @@ class CopyOfTake {
                std::vector<RepairReport::RestoredFile>& restored, const Check& check) const;
 
   std::filesystem::path take_, copy_;
+  std::stop_token stop_;
   bool has_own_documents_ = false;
   FilesOfTake copied_files_;
 };

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/posix_file.h"
+#include "schemas/imported_depths_document.h"
 #include "store/fixity/verify.h"
 #include "store/matroska.h"
 #include "store/timeline.h"
@@ -455,6 +456,33 @@ TEST_F(RepairFromCopy, AHoleStaysAHoleAndMustFitTheDisk) {
   ASSERT_EQ(report.files.size(), 1U);
   EXPECT_THAT(report.files[0].error, HasSubstr("MB free"));
   EXPECT_FALSE(fs::exists(take / "huge.bin"));
+  EXPECT_THAT(repair(true).files.at(0).error, HasSubstr("MB free"));  // nor is it read
+}
+
+TEST_F(RepairFromCopy, DocumentsOfAnySizeAreNotLoaded) {
+  const char* const maps = schemas::ImportedDepthsDocument::kFile;
+  create_folder((copy / maps).parent_path());
+  write_bytes_to(copy / maps, Bytes{});
+  fs::resize_file(copy / maps, std::uintmax_t{3} << 30);  // a hole
+  const RepairReport report = repair();
+  ASSERT_EQ(report.files.size(), 1U);
+  EXPECT_THAT(report.files[0].error, HasSubstr("too large for a document"));
+  EXPECT_FALSE(fs::exists(take / maps));
+  for (const auto& camera : report.cameras) EXPECT_TRUE(camera.was_intact);
+}
+
+TEST_F(RepairFromCopy, StopsInTheMiddleOfAFile) {
+  write_bytes_to(copy / "matte.bin", Bytes(100));
+  std::stop_source stop;
+  RepairOptions options;
+  options.copy = copy;
+  options.stop = stop.get_token();
+  options.progress = [&](double share) {
+    if (share >= 1) stop.request_stop();
+  };
+  const RepairReport report = repair_take(take, options);
+  EXPECT_FALSE(fs::exists(take / "matte.bin"));
+  EXPECT_TRUE(report.failed() || report.status != RunStatus::kFinished);
 }
 
 // What is no file of a take does not keep the take from being repaired.

@@ -136,13 +136,14 @@ ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
       if (only_attempt > 0 && attempt.attempt != only_attempt) continue;
       any = true;
       print(fmt::format(
-          "==> {} on {}, started {}: {}\n", farm::attempt_name(attempt), attempt.node,
-          format_utc(attempt.started_utc),
+          "==> {} on {}, started {}: {}\n", farm::attempt_name(attempt),
+          printable_in_line(attempt.node), format_utc(attempt.started_utc),
           attempt.end ? fmt::format("{}{}{}", schemas::attempt_result_name(attempt.end->result),
-                                    attempt.end->reason.empty() ? "" : ": ", attempt.end->reason)
+                                    attempt.end->reason.empty() ? "" : ": ",
+                                    printable_in_line(attempt.end->reason))
                       : "end not recorded"));
       const auto log = farm::read_record(folder.contained(farm::attempt_log(folder, attempt)));
-      if (log) print(*log);
+      if (log) print(log->ends_with('\n') ? *log : *log + "\n");
     }
   };
   for (const int chunk : chunks) {

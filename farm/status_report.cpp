@@ -121,8 +121,9 @@ std::string summary_text(const JobStatus& status) {
 }  // namespace
 
 std::string status_text(const JobStatus& status, bool all_tasks) {
-  std::string text = fmt::format("job {}: {}{}\n", status.job.id, job_state_name(status.state),
-                                 status.reason.empty() ? "" : " (" + status.reason + ")");
+  std::string text =
+      fmt::format("job {}: {}{}\n", status.job.id, job_state_name(status.state),
+                  status.reason.empty() ? "" : " (" + printable_in_line(status.reason) + ")");
   text += fmt::format("folder {}\n{}\n", status.job.folder, summary_text(status));
   if (!status.missing_frames.empty()) {
     text += fmt::format("missing: frames {}\n", status.missing_frames);

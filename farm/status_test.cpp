@@ -181,6 +181,11 @@ TEST_F(Status, NamesAndReasonsCannotForgeLinesOrBreakJson) {
   EXPECT_THAT(text, HasSubstr("is excluded: bad \\u001b[31m"));
   EXPECT_THAT(text, Not(HasSubstr("\nnode good")));
   EXPECT_THAT(text, Not(HasSubstr("\nframes 1-99")));
+  schemas::FarmEnd end;
+  end.state = schemas::FarmEnd::State::kFailed;
+  end.reason = "line\nframes 1-3 done";
+  folder_.write_end(end);
+  EXPECT_THAT(status_text(job_status(folder_), true), Not(HasSubstr("\nframes 1-3")));
   const auto document = nlohmann::json::parse(status_json(status));
   ASSERT_EQ(document["excluded_nodes"].size(), 1U);
   EXPECT_THAT(document["excluded_nodes"].begin().key(), HasSubstr("\xEF\xBF\xBD"));

@@ -14,6 +14,13 @@ std::size_t character_size(std::string_view text) {
   const auto lead = static_cast<unsigned char>(text[0]);
   const std::size_t size = lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : lead >= 0xC2 ? 2 : 1;
   if (lead > 0xF4 || size > text.size()) return 1;
+  if (size > 2) {  // neither longer than necessary, nor a surrogate, nor beyond U+10FFFF
+    const auto second = static_cast<unsigned char>(text[1]);
+    if ((lead == 0xE0 && second < 0xA0) || (lead == 0xED && second > 0x9F) ||
+        (lead == 0xF0 && second < 0x90) || (lead == 0xF4 && second > 0x8F)) {
+      return 1;
+    }
+  }
   for (const char c : text.substr(1, size - 1)) {
     if ((static_cast<unsigned char>(c) & 0xC0) != 0x80) return 1;
   }

@@ -23,6 +23,11 @@ TEST(Printable, NamesCannotControlTheTerminal) {
             "\xE4\\u009b31m\xC2");  // no character in UTF-8
   EXPECT_EQ(printable("\xE9\xFF\xF5\x80\x80\x80"), "\xE9\xFF\xF5\\u0080\\u0080\\u0080");
   EXPECT_EQ(printable("\xF0\x9F\x8E\xA5"), "\xF0\x9F\x8E\xA5");
+  // Longer than necessary, a surrogate, and beyond U+10FFFF.
+  EXPECT_EQ(printable("\xE0\x82\x9B"), "\xE0\\u0082\\u009b");
+  EXPECT_EQ(printable("\xF0\x80\x82\x9B"), "\xF0\\u0080\\u0082\\u009b");
+  EXPECT_EQ(printable("\xED\xA0\x80"), "\xED\xA0\\u0080");
+  EXPECT_EQ(printable("\xF4\x90\x80\x80"), "\xF4\\u0090\\u0080\\u0080");
 }
 
 TEST(Printable, NamesCannotLookLikeLinesOfAReport) {

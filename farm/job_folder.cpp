@@ -123,7 +123,14 @@ std::vector<schemas::FarmRound> JobFolder::rounds() const {
 std::optional<schemas::FarmEnd> JobFolder::end() const {
   const auto text = read_record(contained(end_file()));
   if (!text) return std::nullopt;
-  return schemas::parse_farm_end(*text, end_file().string());
+  schemas::FarmEnd end = schemas::parse_farm_end(*text, end_file().string());
+  try {
+    if (!end.missing_frames.empty()) compose::frame_range_size(end.missing_frames);
+  } catch (const Error& error) {
+    throw Error::bad_input("missing_frames: " + error.what_happened(), end_file().string(),
+                           "Delete the file; then `raystage farm retry JOB` checks the frames");
+  }
+  return end;
 }
 
 void JobFolder::write_end(const schemas::FarmEnd& end) const {

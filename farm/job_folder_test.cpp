@@ -54,6 +54,22 @@ TEST(JobFolder, ALiveJobIsFoundByItsOutput) {
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "ended.1.json"));
 }
 
+TEST(JobFolder, ADamagedFrameRangeOfItsEndNamesTheFile) {
+  const testing::TestFolder parent;
+  const JobFolder folder = testing::write_small_job(parent.path());
+  schemas::FarmEnd end;
+  end.ended_utc = utc_now();
+  end.missing_frames = "4-";
+  folder.write_end(end);
+  try {
+    folder.end();
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.where(), folder.end_file());
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+  }
+}
+
 TEST(JobFolder, IsFoundByAnyOfItsNames) {
   const testing::TestFolder parent;
   testing::write_small_job(parent.path());

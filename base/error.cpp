@@ -2,6 +2,7 @@
 #include "base/error.h"
 
 #include <cerrno>
+#include <cstddef>
 #include <system_error>
 #include <utility>
 
@@ -16,6 +17,10 @@ Error::Error(ExitCode exit_code, std::string what_happened, std::string where,
   if (!where_.empty()) message_ = where_ + ": ";
   message_ += what_happened_ + ".";
   if (!what_to_do_.empty()) message_ += " " + what_to_do_ + ".";
+  // what() would end there.
+  for (std::size_t nul = message_.find('\0'); nul != message_.npos; nul = message_.find('\0')) {
+    message_.replace(nul, 1, "\\u0000");
+  }
 }
 
 Error Error::concerning(std::vector<std::string> settings) const {

@@ -3,6 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+
+#include "base/error.h"
+
 namespace raystage {
 namespace {
 
@@ -28,6 +32,11 @@ TEST(Printable, NamesCannotControlTheTerminal) {
   EXPECT_EQ(printable("\xF0\x80\x82\x9B"), "\xF0\\u0080\\u0082\\u009b");
   EXPECT_EQ(printable("\xED\xA0\x80"), "\xED\xA0\\u0080");
   EXPECT_EQ(printable("\xF4\x90\x80\x80"), "\xF4\\u0090\\u0080\\u0080");
+}
+
+TEST(Printable, ErrorsDoNotEndAtANulCharacter) {
+  const Error error = Error::bad_input("not found", std::string("a\0b", 3), "Look elsewhere");
+  EXPECT_STREQ(error.what(), "a\\u0000b: not found. Look elsewhere.");
 }
 
 TEST(Printable, NamesCannotLookLikeLinesOfAReport) {

@@ -14,6 +14,7 @@
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
 #include "cli/threads.h"
+#include "evaluation/evaluation_cases.h"
 #include "render/methods.h"
 #include "reports/bench_page.h"
 
@@ -92,12 +93,12 @@ void declare(CommandLine& command, Options& options) {
       "the\nsettings that were finished.");
 }
 
-/// Merges several documents; paths become relative to the working directory.
+/// Merges several documents.
 schemas::ViewsDocument views_in(const std::vector<std::string>& files) {
   schemas::ViewsDocument all;
   std::set<std::string> ids;
   for (const std::string& file : files) {
-    schemas::ViewsDocument views = schemas::read_views(file);
+    schemas::ViewsDocument views = evaluation::read_views_with_truths(file);
     if (!all.views.empty() && views.color_space != all.color_space) {
       throw Error::bad_input("the colour space differs from that of " + files.front(), file,
                              "Measure views of different colour spaces separately");
@@ -107,11 +108,6 @@ schemas::ViewsDocument views_in(const std::vector<std::string>& files) {
       if (!ids.insert(view.geometry.id).second) {
         throw Error::bad_input("the view '" + view.geometry.id + "' exists twice", file,
                                "Give each view its own id");
-      }
-      const auto folder = std::filesystem::path(file).parent_path();
-      view.file = std::filesystem::absolute(folder / view.file).string();
-      if (!view.depth_file.empty()) {
-        view.depth_file = std::filesystem::absolute(folder / view.depth_file).string();
       }
       all.views.push_back(std::move(view));
     }

@@ -16,6 +16,7 @@
 #include "cli/sandbox_option.h"
 #include "cli/threads.h"
 #include "evaluation/evaluation.h"
+#include "evaluation/evaluation_cases.h"
 #include "render/methods.h"
 #include "schemas/views_document.h"
 
@@ -53,11 +54,10 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
   settings.memory_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   const store::Take take(options.take);
   schemas::ViewsDocument views;
-  if (!options.views.empty()) views = schemas::read_views(options.views);
+  if (!options.views.empty()) views = evaluation::read_views_with_truths(options.views);
   Progress progress(!options.quiet);
   const evaluation::Evaluation evaluation = evaluation::evaluate_views(
-      take, views, options.views.parent_path(), settings,
-      [&](double done) { progress.report(done); }, stop);
+      take, views, {}, settings, [&](double done) { progress.report(done); }, stop);
   print(evaluation::evaluation_as_text(evaluation));
   if (!options.json.empty())
     write_file_atomically(options.json, evaluation::evaluation_as_json(evaluation));

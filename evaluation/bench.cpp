@@ -17,6 +17,7 @@
 #include <set>
 #include <tuple>
 
+#include "base/cancellation.h"
 #include "base/error.h"
 #include "base/resources.h"
 #include "evaluation/pareto_front.h"
@@ -228,6 +229,8 @@ BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument&
           if (trade.views.empty()) {
             for (const auto& view : row.evaluation.views) trade.views.push_back(view.id);
           }
+        } catch (const Cancelled&) {
+          return trade;
         } catch (const Error& error) {
           if (stop.stop_requested()) return trade;
           failed(error.what());

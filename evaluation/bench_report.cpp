@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <string_view>
 
 #include "evaluation/bench.h"
 #include "evaluation/number_format.h"
@@ -12,6 +13,7 @@
 #include "render/common/method_options.h"
 #include "schemas/former_names.h"
 #include "schemas/json_text.h"
+#include "schemas/utf8_text.h"
 
 namespace raystage::evaluation {
 namespace {
@@ -30,7 +32,7 @@ ordered_json fields_of(const BenchRow& row) {
                       {"options", render::options_to_text(row.setting.options)},
                       {"camera_step", row.camera_step},
                       {"threads", row.threads},
-                      {"failure", text_or_null(row.failure)}};
+                      {"failure", text_or_null(schemas::utf8_text(row.failure, 4000))}};
   // Every row has every name, so that every row of the CSV has every column.
   const auto measured = [&](const char* name, double value) {
     fields[name] = row.failure.empty() ? json_number(value) : ordered_json(nullptr);
@@ -76,7 +78,11 @@ std::string csv_cell(const ordered_json& value) {
   if (value.is_null()) return "";
   if (value.is_number()) return fmt::format("{}", value.get<double>());
   if (!value.is_string()) return value.dump();
-  const auto text = value.get<std::string>();
+  auto text = value.get<std::string>();
+  // Spreadsheets would compute what begins like a formula.
+  if (!text.empty() && std::string_view("=+-@").find(text[0]) != std::string_view::npos) {
+    text.insert(0, 1, '\'');
+  }
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string quoted = "\"";
   for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);

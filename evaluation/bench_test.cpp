@@ -124,6 +124,10 @@ TEST_F(MeasuredTake, CellsAreQuotedWhereTheyMustBe) {
   trade.rows.push_back(row);
   EXPECT_THAT(bench_as_csv(trade),
               HasSubstr("\r\n\"a \"\"b\"\", c\",nearest,\"x=1,y=2\",1,1,no,,"));
+  trade.rows[0].setting.label = "=1+1";  // a spreadsheet would compute it
+  trade.rows[0].failure = "the folder a\xFF is not UTF-8";
+  EXPECT_THAT(bench_as_csv(trade), HasSubstr("\r\n'=1+1,nearest,"));
+  EXPECT_THAT(bench_as_json(trade), HasSubstr("the folder a\xEF\xBF\xBD is"));
 }
 
 TEST_F(MeasuredTake, ThePageStandsAlone) {

@@ -13,6 +13,7 @@
 #include <set>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "base/error.h"
 #include "base/options.h"
 #include "base/stopwatch.h"
@@ -278,6 +279,25 @@ std::vector<int> excluded_camera_indices(const store::Take& take,
   return excluded_cameras;
 }
 
+namespace {
+
+/// Throws Error (bad input) if the pixels of a view alone need more memory than is granted.
+void require_memory(const EvaluationCase& subject, std::size_t granted) {
+  constexpr std::size_t kPerPixel =
+      48;  // R, G, B, A, coverage and Z as floats; two pictures; errors
+  const std::size_t needed = kPerPixel * static_cast<std::size_t>(subject.camera.width) *
+                             static_cast<std::size_t>(subject.camera.height);
+  if (needed <= granted) return;
+  throw Error::bad_input(
+      fmt::format("the {}x{} pixels of the view need {:.1f} GB of memory; {:.1f} GB are granted",
+                  subject.camera.width, subject.camera.height, static_cast<double>(needed) * 1e-9,
+                  static_cast<double>(granted) * 1e-9),
+      subject.id, "Increase --memory, or evaluate smaller views")
+      .concerning({"memory"});
+}
+
+}  // namespace
+
 TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> views) {
   std::map<std::string_view, double> last_of_shot;
   double sum = 0, squares = 0, count = 0;
@@ -355,6 +375,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
   read_ahead(take, subjects, renderer_options.excluded_cameras);
 
   const double camera_spacing = camera_spacing_of(take.rig(), renderer_options.excluded_cameras);
+  const CancellationScope cancellation(stop);
   ShotErrors shot_errors;
   std::size_t done = 0;
   const auto report_done = [&] {
@@ -364,6 +385,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     if (stop.stop_requested()) {
       throw Error::failed("the evaluation was stopped", take.folder().string(), "Run it again");
     }
+    require_memory(subject, settings.memory_bytes);
     const std::optional<GroundTruth> truth = intact_truth(subject, evaluation);
     if (!truth) {
       report_done();

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "images/exr_reader.h"
 #include "images/image_reader.h"
@@ -93,6 +94,15 @@ std::vector<float> light_of(const store::Take& take, const rig::Rig::Camera& of,
   return light;
 }
 
+/// Throws Error (bad input) if the truth has not the size of its view, which can be much larger.
+void require_size(const store::RgbImage& truth, const schemas::CameraGeometry& view,
+                  const std::filesystem::path& file) {
+  if (truth.width == view.width && truth.height == view.height) return;
+  throw Error::bad_input(fmt::format("found {}x{} pixels, but the view '{}' has {}x{}", truth.width,
+                                     truth.height, view.id, view.width, view.height),
+                         file.string(), "Give a truth image of the view's size");
+}
+
 /// Reads the true linear light of a view.
 void read_light(const std::filesystem::path& file, GroundTruth& truth) {
   constexpr images::ExrChannel kChannels[]{{"R"}, {"G"}, {"B"}};
@@ -169,6 +179,19 @@ int camera_named(const store::Take& take, const std::string& id) {
                          "Use a camera id of rig.json (`raystage info` prints them)");
 }
 
+schemas::ViewsDocument read_views_with_truths(const std::filesystem::path& file) {
+  schemas::ViewsDocument document = schemas::read_views(file);
+  for (schemas::ViewsDocument::View& view : document.views) {
+    for (std::string* const truth : {&view.file, &view.depth_file, &view.light_file}) {
+      if (truth->empty()) continue;
+      const ContainedPath contained{file.parent_path(), *truth};
+      if (!permits_links()) require_contained(contained);
+      *truth = contained.path().string();
+    }
+  }
+  return document;
+}
+
 std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                                                   const store::Timeline* timeline,
                                                   const schemas::ViewsDocument& views,
@@ -186,7 +209,9 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
     subjects.push_back({view.geometry.id, render::virtual_camera_from_geometry(view.geometry),
                         instant_at(view.time_ns, take, timeline, options.exact_times),
                         [reader, view, views_folder] {
-                          GroundTruth truth{reader->read_rgb(views_folder / view.file), {}};
+                          const std::filesystem::path file = views_folder / view.file;
+                          GroundTruth truth{reader->read_rgb(file), {}};
+                          require_size(truth.image, view.geometry, file);
                           if (!view.depth_file.empty()) {
                             read_depths(views_folder / view.depth_file, truth);
                           }

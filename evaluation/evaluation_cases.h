@@ -23,6 +23,11 @@ struct EvaluationCase {
 /// Returns a camera's index. Throws Error (bad input) if the take has no such camera.
 int camera_named(const store::Take& take, const std::string& id);
 
+/// Reads a views document. Truths are files below its folder and not behind links, unless links are
+/// permitted (permits_links()): a stranger's document must not show the files of its user. Their
+/// names become relative to the working directory. Throws Error (bad input).
+schemas::ViewsDocument read_views_with_truths(const std::filesystem::path& file);
+
 /// Returns the views of the document and of the excluded cameras, every settings.view_step-th of
 /// them.
 ///

@@ -4,11 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <limits>
 #include <optional>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/transfer_function.h"
 #include "images/image_file.h"
@@ -104,6 +106,60 @@ TEST_F(Subjects, AViewShowsTheTickNearestToItsTime) {
   }
   // By its time stamps camera 1 would show the previous instant.
   EXPECT_THAT(frames_of_view_at(third, nullptr).frame, ElementsAre(2, 1, 2, -1));
+}
+
+// A page that shows the truths is meant to be shared.
+TEST_F(Subjects, TruthsAreFilesBelowTheFolderOfTheirDocument) {
+  const std::filesystem::path folder = folder_.path() / "views";
+  create_folder(folder / "truth");
+  write_file_atomically(folder_.path() / "secret.png", "secret");
+  write_file_atomically(folder / "truth" / "own.png", "own");
+  std::filesystem::create_symlink(folder_.path(), folder / "link");
+  const auto read = [&](const std::string& truth) {
+    schemas::ViewsDocument views;
+    views.color_space = "srgb_texture";
+    views.views.push_back({testing::camera_grid(1, 1, 1, kWidth, kHeight).front(), truth, 0});
+    schemas::write_views(views, folder / "views.json");
+    return read_views_with_truths(folder / "views.json").views[0].file;
+  };
+  EXPECT_EQ(read("truth/own.png"), (folder / "truth/own.png").string());
+  for (const std::string& outside :
+       {std::string("../secret.png"), (folder_.path() / "secret.png").string(),
+        std::string("link/secret.png"), std::string("truth/../../secret.png")}) {
+    try {
+      read(outside);
+      ADD_FAILURE() << outside;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput) << outside;
+    }
+    setenv(kFollowLinksVariable, "1", 1);  // NOLINT(concurrency-mt-unsafe)
+    EXPECT_NO_THROW(read(outside));
+    unsetenv(kFollowLinksVariable);  // NOLINT(concurrency-mt-unsafe)
+  }
+}
+
+// A view can state many more pixels than its truth has.
+TEST_F(Subjects, ATruthOfAnotherSizeIsRefusedBeforeItsViewIsRendered) {
+  images::write_image({8, 6, std::vector<std::uint8_t>(8 * 6 * 3)}, folder_.path() / "small.png");
+  schemas::ViewsDocument views;
+  views.color_space = "srgb_texture";
+  views.views.push_back(
+      {testing::camera_grid(1, 1, 1, 65535, 65535).front(), "small.png", 2 * kInterval});
+  const auto refusal = [&](const EvaluationOptions& options) {
+    try {
+      evaluate_views(*take_, views, folder_.path(), options, [](double) {}, {});
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      return std::string(error.what());
+    }
+    return std::string("accepted");
+  };
+  EvaluationOptions options;
+  options.focal_depth = 2;
+  EXPECT_THAT(refusal(options), HasSubstr("need 206.2 GB of memory; 4.0 GB are granted"));
+  options.memory_bytes = std::size_t{1} << 40;
+  EXPECT_THAT(refusal(options), ::testing::AllOf(HasSubstr("small.png: found 8x6 pixels"),
+                                                 HasSubstr("has 65535x65535")));
 }
 
 TEST_F(Subjects, ExactTimesNeedPlausibleLineTimes) {

@@ -6,6 +6,7 @@
 #include "evaluation/evaluation.h"
 #include "evaluation/report_json.h"
 #include "schemas/former_names.h"
+#include "schemas/json_text.h"
 
 namespace raystage::evaluation {
 namespace {
@@ -82,7 +83,7 @@ std::string evaluation_as_json(const Evaluation& evaluation) {
                                                   {"psnr_stddev_db", "psnr_deviation_db"},
                                                   {"psnr_max_step_db", "psnr_largest_step_db"}};
   schemas::add_former_names(document, kFormerNames);
-  return document.dump(2) + "\n";
+  return schemas::dump_json(document) + "\n";
 }
 
 std::string evaluation_as_text(const Evaluation& evaluation) {

@@ -5,6 +5,7 @@
 #include "ingest/import_take.h"
 
 #include <fmt/format.h>
+#include <sys/resource.h>
 
 #include <atomic>
 #include <cmath>
@@ -34,6 +35,18 @@ bool is_jpeg(std::span<const std::byte> bytes) {
 std::int64_t frames_of(const schemas::ImportManifest::Camera& camera) {
   return static_cast<std::int64_t>(camera.movie.empty() ? camera.frames.size()
                                                         : camera.times_ns.size());
+}
+
+/// Throws Error (failed) if this process may not have the archives and journals of all cameras
+/// open at once.
+void require_open_files(std::size_t cameras) {
+  constexpr rlim_t kOthers = 128;  // pictures, libraries, decoders
+  rlimit limit{};
+  const rlim_t needed = 2 * cameras + kOthers;
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= needed) return;
+  throw Error::failed(fmt::format("{} cameras need up to {} open files, allowed here: {}", cameras,
+                                  needed, limit.rlim_cur),
+                      "", "Raise the limit (`ulimit -n`), or import fewer cameras");
 }
 
 class Importer {
@@ -100,8 +113,11 @@ void Importer::check_files() const {
     const std::filesystem::path path = base_ / file;
     std::error_code error;
     if (std::filesystem::is_regular_file(path, error)) return;
+    const bool exists = std::filesystem::exists(path, error);
     throw Error::bad_input(
-        fmt::format("the file of camera \"{}\" was not found", camera), path.string(),
+        fmt::format("the file of camera \"{}\" {}", camera,
+                    exists ? "is a folder, a pipe or a device" : "was not found"),
+        path.string(),
         "Correct the path in the manifest (relative to its folder), or restore the file");
   };
   for (const schemas::ImportManifest::Camera& camera : manifest_.cameras) {
@@ -319,6 +335,7 @@ ImportSummary import_take(const schemas::ImportManifest& manifest,
   require_valid(options, "import");
   Importer importer(manifest, base, options, std::move(stop));
   importer.check_files();
+  require_open_files(manifest.cameras.size());
   const auto encodings = importer.encodings();
   store::TakeWriter writer(take_folder, take_document(manifest, options, encodings),
                            rig_of(manifest));

@@ -275,7 +275,22 @@ TEST_F(ImportTake, MissingFilesAreNamedFirst) {
   EXPECT_THAT(refusal(manifest, ExitCode::kBadInput),
               AllOf(HasSubstr("gone.jpg"), HasSubstr("\"cam1\" was not found")));
   manifest.cameras[1].frames[2].file = "out";  // a folder
-  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("was not found"));
+  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("\"cam1\" is a folder"));
+}
+
+TEST_F(ImportTake, MoreCamerasThanFilesMayBeOpenAreRefusedFirst) {
+  schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
+  rlimit limit{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &limit), 0);
+  rlimit low = limit;
+  low.rlim_cur = 131;  // two cameras may need 132
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
+  EXPECT_THAT(refusal(manifest, ExitCode::kFailed),
+              AllOf(HasSubstr("2 cameras need up to 132"), HasSubstr("ulimit -n")));
+  low.rlim_cur = 132;
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
+  EXPECT_NO_THROW(run(manifest));
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &limit), 0);
 }
 
 TEST_F(ImportTake, ATruncatedJpegIsRefused) {

@@ -13,6 +13,7 @@
 #include "base/options.h"
 #include "ingest/model_pictures.h"
 #include "ingest/movie_reader.h"
+#include "schemas/utf8_text.h"
 
 namespace raystage::ingest {
 namespace {
@@ -97,7 +98,8 @@ schemas::ImportManifest make_model_manifest(const ForeignRig& rig,
   schemas::ImportManifest manifest;
   std::error_code ignored;
   const auto folder = std::filesystem::weakly_canonical(file, ignored).parent_path();
-  manifest.name = folder.filename().string();
+  constexpr std::size_t kLongestFileName = 255;
+  manifest.name = schemas::utf8_text(folder.filename().string(), kLongestFileName);
   manifest.epoch_utc = options.epoch_utc;
   manifest.nominal_fps = options.nominal_fps.value_or(ModelImportOptions::kDefaultFps);
   manifest.color_space = "srgb_texture";

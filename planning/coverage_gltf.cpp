@@ -16,6 +16,7 @@
 
 #include "base/base64.h"
 #include "planning/coverage_report.h"
+#include "schemas/json_text.h"
 
 namespace raystage::planning {
 namespace {
@@ -109,7 +110,7 @@ class Document {
           {{"byteLength", bytes_.size()},
            {"uri", "data:application/octet-stream;base64," + encode_base64(bytes_)}}};
     }
-    return document.dump(1) + "\n";
+    return schemas::dump_json(document, 1) + "\n";
   }
 
  private:

@@ -15,6 +15,7 @@
 #include "base/printable.h"
 #include "charts/html_page.h"
 #include "rig/planning/wall_eyed_array.h"
+#include "schemas/json_text.h"
 
 namespace raystage::planning {
 namespace {
@@ -347,7 +348,7 @@ std::string coverage_plan_as_json(const CoveragePlan& plan) {
     json["subject"] = {{"share_of_directions", plan.subject_view->share_of_directions},
                        {"arrays", plan.subject_view->arrays}};
   }
-  return json.dump(1) + "\n";
+  return schemas::dump_json(json, 1) + "\n";
 }
 
 std::string coverage_plan_as_page(const CoveragePlan& plan) {

@@ -221,7 +221,7 @@ std::string resolution_plan_as_json(const ResolutionPlan& plan) {
       {"pixel_limited_in_front_m", schemas::number_or_null(plan.depths.in_front)},
       {"pixel_limited_behind_m", schemas::number_or_null(-plan.depths.behind)},
       {"rotations", rows}};
-  return json.dump(2) + "\n";
+  return schemas::dump_json(json) + "\n";
 }
 
 std::string resolution_plan_as_page(const ResolutionPlan& plan) {

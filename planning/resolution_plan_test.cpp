@@ -51,6 +51,11 @@ TEST(ResolutionPlan, HasTheValuesOfTheThesis) {
   EXPECT_THAT(text, HasSubstr("Up to 27.71 m in front of the array and 27.71 m behind it"));
 }
 
+TEST(ResolutionPlan, AsJsonNamesFilesThatAreNotUtf8) {
+  const ResolutionPlan plan = plan_resolution("a\xFF/rig.json", example(), {});
+  EXPECT_THAT(resolution_plan_as_json(plan), HasSubstr("a\xEF\xBF\xBD/rig.json"));
+}
+
 TEST(ResolutionPlan, AsJsonHoldsTheSameNumbers) {
   const ResolutionPlan plan = plan_resolution("example", example(), {});
   const auto json = nlohmann::json::parse(resolution_plan_as_json(plan));

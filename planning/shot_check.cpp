@@ -116,21 +116,35 @@ class LayerChecker {
 
   LayerCheck run(std::span<const compose::PlannedFrame> frames, const ShotCheckOptions& options,
                  const std::stop_token& stop) {
-    std::vector<LayerFrame> shown;
-    for (const compose::PlannedFrame& frame : frames) {
-      if (auto found = find_frame(frame)) shown.push_back(std::move(*found));
+    constexpr std::size_t kTogether = 256;  // so that few exposures are in memory
+    if (options.finds_field_of_view && !check_.sees_all_directions) check_.field_of_view_factor = 1;
+    for (; !frames.empty(); frames = frames.subspan(std::min(kTogether, frames.size()))) {
+      check_frames(frames.first(std::min(kTogether, frames.size())), stop);
     }
-    check_.frames.resize(shown.size());
-    raystage::parallel_for(std::size_t{0}, shown.size(), [&](std::size_t i) {
-      if (!stop.stop_requested()) check_.frames[i] = check_frame(shown[i]);
-    });
-    throw_if_stopped(stop);
-    if (options.finds_field_of_view && !check_.sees_all_directions)
-      check_.field_of_view_factor = find_field_of_view(shown, stop);
     return std::move(check_);
   }
 
  private:
+  /// Adds the checks of frames.
+  void check_frames(std::span<const compose::PlannedFrame> frames, const std::stop_token& stop) {
+    std::vector<LayerFrame> shown;
+    for (const compose::PlannedFrame& frame : frames) {
+      throw_if_stopped(stop);
+      if (auto found = find_frame(frame)) shown.push_back(std::move(*found));
+    }
+    const std::size_t before = check_.frames.size();
+    check_.frames.resize(before + shown.size());
+    const auto checks = std::span(check_.frames).subspan(before);
+    raystage::parallel_for(std::size_t{0}, shown.size(), [&](std::size_t i) {
+      if (!stop.stop_requested()) checks[i] = check_frame(shown[i]);
+    });
+    throw_if_stopped(stop);
+    if (check_.field_of_view_factor) {
+      check_.field_of_view_factor =
+          find_field_of_view(shown, checks, *check_.field_of_view_factor, stop);
+    }
+  }
+
   void throw_if_stopped(const std::stop_token& stop) const {
     if (stop.stop_requested()) {
       throw Error::failed("the check was stopped", check_.name, "Start it again");
@@ -282,11 +296,12 @@ class LayerChecker {
         depth, check_.spacing);
   }
 
-  /// Returns the largest factor at which no frame lacks rays, to 0.1 %.
+  /// Returns the largest factor, at most `factor`, at which no frame lacks rays, to 0.1 %.
+  /// `checks`: of the frames.
   std::optional<double> find_field_of_view(const std::vector<LayerFrame>& frames,
+                                           std::span<const FrameCheck> checks, double factor,
                                            const std::stop_token& stop) const {
     constexpr double kNarrowest = 0.01, kStep = 1e-3;
-    double factor = 1;
     const auto is_recorded = [&](const LayerFrame& frame, double narrower) {
       return std::ranges::all_of(frame.exposure, [&](const LayerTime& time) {
         return std::ranges::all_of(time.eyes, [&](const EyeView& eye) {
@@ -299,7 +314,7 @@ class LayerChecker {
       const bool is_empty = std::ranges::any_of(
           frames[i].exposure, [](const LayerTime& time) { return time.topology == nullptr; });
       if (is_empty) return std::nullopt;
-      if (check_.frames[i].unrecorded_share == 0 || is_recorded(frames[i], factor)) continue;
+      if (checks[i].unrecorded_share == 0 || is_recorded(frames[i], factor)) continue;
       if (!is_recorded(frames[i], kNarrowest)) return std::nullopt;
       double enough = kNarrowest;
       while (factor - enough > kStep * factor) {

@@ -16,6 +16,7 @@
 #include "compose/frame_range.h"
 #include "compose/sequence_memory_plan.h"
 #include "rig/plenoptic_sampling.h"
+#include "schemas/json_text.h"
 
 namespace raystage::planning {
 namespace {
@@ -397,7 +398,7 @@ std::string shot_check_as_json(const ShotCheck& check) {
       {"suggested", suggested == nullptr ? ordered_json(nullptr) : json_of(*suggested)},
       {"seconds", check.seconds},
       {"layers", layers}};
-  return json.dump(2) + "\n";
+  return schemas::dump_json(json) + "\n";
 }
 
 std::string shot_check_as_page(const ShotCheck& check) {

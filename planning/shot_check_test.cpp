@@ -140,6 +140,27 @@ TEST_F(ShotCheckTest, SuggestsTheFieldOfViewThatWasRecorded) {
   EXPECT_THAT(text, HasSubstr(fmt::format("with {:.3f} times the field of view", factor)));
 }
 
+// More frames than are checked together: each as by itself, and one field of view for all.
+TEST_F(ShotCheckTest, OfManyFramesIsAsOfEach) {
+  shot_.last_frame = 700;
+  shot_.camera.keys = {testing::camera_key(101, {0.03, -0.03, 0.1}, 40),
+                       testing::camera_key(700, {0.035, -0.03, 0.1}, 60)};
+  const LayerCheck all = check().layers[0];
+  ASSERT_EQ(all.frames.size(), 600U);
+  ASSERT_GT(all.frames.back().unrecorded_share, 0);
+  double least = 1;
+  for (const int frame : {101, 356, 357, 612, 613, 700}) {
+    shot_.first_frame = shot_.last_frame = frame;
+    const LayerCheck one = check().layers[0];
+    const FrameCheck& of_all = all.frames[static_cast<std::size_t>(frame - 101)];
+    EXPECT_EQ(of_all.frame, frame);
+    EXPECT_EQ(of_all.unrecorded_share, one.frames[0].unrecorded_share);
+    EXPECT_EQ(of_all.boundary_distance, one.frames[0].boundary_distance);
+    least = std::min(least, one.field_of_view_factor.value());
+  }
+  EXPECT_NEAR(all.field_of_view_factor.value(), least, 2e-3);
+}
+
 // The path leaves the array to the right; the nearest one stays at its border, and begins to turn
 // away before.
 TEST_F(ShotCheckTest, TheNearestPathLacksNoRays) {

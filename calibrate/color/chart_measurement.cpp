@@ -109,7 +109,8 @@ bool looks_like_a_chart(const std::array<schemas::Rgb, rig::kChartPatches>& ligh
 }  // namespace
 
 ChartMeasurement measure_chart(const store::Take& take, int camera,
-                               const schemas::PhotometricResponse& of, int most_frames) {
+                               const schemas::PhotometricResponse& of, int most_frames,
+                               const std::stop_token& stop) {
   const schemas::PhotometricResponse response = store::curve_and_hot_pixels_only(of);
   const rig::CameraModel& model = take.rig().cameras[camera].model;
   const rig::PictureSize size{model.width(), model.height()};
@@ -121,6 +122,10 @@ ChartMeasurement measure_chart(const store::Take& take, int camera,
   ChartMeasurement measurement;
   const int looked_at = std::min(frames, most_frames);
   for (int k = 0; k < looked_at; ++k) {
+    if (stop.stop_requested()) {
+      throw Error::failed("the detection of the chart was stopped", take.folder().string(),
+                          "Start it again");
+    }
     const int frame = (2 * k + 1) * frames / (2 * looked_at);
     if (!take.archive(camera).intact_jpeg(frame)) continue;  // rotten
     const auto found =
@@ -159,11 +164,8 @@ std::vector<ChartMeasurement> measure_charts(
     const std::stop_token& stop) {
   std::vector<ChartMeasurement> measurements(responses.size());
   parallel_for(std::size_t{0}, measurements.size(), [&](std::size_t camera) {
-    if (stop.stop_requested()) {
-      throw Error::failed("the detection of the chart was stopped", take.folder().string(),
-                          "Start it again");
-    }
-    measurements[camera] = measure_chart(take, static_cast<int>(camera), responses[camera]);
+    measurements[camera] =
+        measure_chart(take, static_cast<int>(camera), responses[camera], kMostChartFrames, stop);
   });
   return measurements;
 }

@@ -24,10 +24,15 @@ struct ChartMeasurement {
   std::array<Patch, rig::kChartPatches> patches{};
 };
 
+inline constexpr int kMostChartFrames = 5;
+
 /// Returns the mean over at most `most_frames` frames, spread over the take. Uses the curve and the
-/// hot pixels of `response`. Throws Error (bad input) for a damaged frame.
+/// hot pixels of `response`. Throws Error (bad input) for a damaged frame, and (failed) if a stop
+/// is requested.
 ChartMeasurement measure_chart(const store::Take& take, int camera,
-                               const schemas::PhotometricResponse& response, int most_frames = 5);
+                               const schemas::PhotometricResponse& response,
+                               int most_frames = kMostChartFrames,
+                               const std::stop_token& stop = {});
 
 /// Returns the measurements of every camera. Throws Error (failed) if a stop is requested.
 std::vector<ChartMeasurement> measure_charts(

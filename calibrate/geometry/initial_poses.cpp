@@ -13,6 +13,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "base/error.h"
 #include "base/options.h"
 #include "calibrate/geometry/bundle_adjustment.h"
 #include "calibrate/geometry/median.h"
@@ -124,6 +125,12 @@ Pair score_pair(const std::vector<CameraObservations>& observations, int first, 
   return pair;
 }
 
+void throw_if_stopped(const InitialPosesOptions& options) {
+  if (options.stop.stop_requested()) {
+    throw Error::failed("the calibration was stopped", "", "Start it again");
+  }
+}
+
 Pair best_pair(const std::vector<CameraObservations>& observations,
                const InitialPosesOptions& options) {
   // Pairs of the camera with the most observations and every other.
@@ -133,6 +140,7 @@ Pair best_pair(const std::vector<CameraObservations>& observations,
   Pair best;
   for (int second = 0; second < static_cast<int>(observations.size()); ++second) {
     if (second == first) continue;
+    throw_if_stopped(options);
     const Pair pair = score_pair(observations, first, second, options);
     if (pair.score > best.score) best = pair;
   }
@@ -283,6 +291,7 @@ void register_cameras(ArrayModel& model, const InitialPosesOptions& options) {
     bool found = false;
     for (const auto& [known, camera] : next) {
       if (known < kMinKnown) break;
+      throw_if_stopped(options);
       const auto placement = register_camera(model, observations[camera], options);
       if (!placement) continue;
       model.cameras[camera].pose = placement->pose;

@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "calibrate/geometry/initial_poses.h"
+#include "calibrate/geometry/solve_steps.h"
 #include "testing/calibrate/test_synthetic_array.h"
 #include "testing/test_data.h"
 
@@ -59,6 +60,17 @@ TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
   };
   EXPECT_THROW(solve_array(truth.detections, options, report), Error);
   EXPECT_EQ(steps, std::vector<std::string>{"poses and points"});
+  // Already while pairs are rated: many cameras take minutes.
+  ArrayModel model = make_initial_model(truth.detections, 60 * testing::kTestDegree);
+  InitialPosesOptions poses;
+  poses.stop = source.get_token();
+  try {
+    estimate_initial_poses(model, poses);
+    ADD_FAILURE() << "not stopped";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+  }
+  EXPECT_EQ(count_registered_cameras(model), 0);
 }
 
 /// Returns the initial model of an array in which the cameras `fine` have six times as many pixels

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -48,6 +49,10 @@ std::vector<std::string> make_camera_ids(std::span<const std::string> image_name
     ids.push_back(id);
   }
   return ids;
+}
+
+bool has_control_characters(std::string_view name) {
+  return std::ranges::any_of(name, [](unsigned char c) { return c < 0x20 || c == 0x7F; });
 }
 
 }  // namespace raystage::ingest

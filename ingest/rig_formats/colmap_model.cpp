@@ -221,6 +221,8 @@ schemas::Matrix4 read_pose(LineReader& lines) {
   return rig::matrix_from_pose(pose_from_opencv(rotation, position));
 }
 
+constexpr std::size_t kMaxImageName = 4000;  // bytes, as in transforms.json
+
 std::vector<ColmapImage> read_images(const NamedText& file,
                                      const std::map<std::int64_t, ColmapCamera>& cameras) {
   LineReader lines(file);
@@ -237,6 +239,13 @@ std::vector<ColmapImage> read_images(const NamedText& file,
     }
     image.camera = camera->second;
     image.name = lines.rest_of_line("image name");
+    if (image.name.size() > kMaxImageName) {
+      throw lines.refuse(fmt::format("the image name has {} bytes, allowed: {}", image.name.size(),
+                                     kMaxImageName));
+    }
+    if (has_control_characters(image.name)) {
+      throw lines.refuse("the image name has control characters");
+    }
     image.place = lines.place();
     images.push_back(std::move(image));
     lines.next_line();  // skips the image's 2-D points, which may be empty

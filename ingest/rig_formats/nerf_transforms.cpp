@@ -293,7 +293,15 @@ ForeignRig NerfFormat::parse(std::span<const NamedText> files,
   check_schema(document, name);
   const json& frames = document["frames"];
   std::vector<std::string> names;
-  for (const json& frame : frames) names.push_back(frame["file_path"].get<std::string>());
+  for (const json& frame : frames) {
+    names.push_back(frame["file_path"].get<std::string>());
+    if (!has_control_characters(names.back())) continue;
+    throw schemas::json_value_error(
+        name,
+        schemas::append_json_pointer(schemas::append_json_pointer("/frames", names.size() - 1),
+                                     "file_path"),
+        "the name has control characters", "Rename the picture");
+  }
   const std::vector<std::string> ids = make_camera_ids(names);
   ForeignRig rig;
   rig.arbitrary_scale = true;

@@ -121,6 +121,21 @@ TEST(RigFormats, HaveAtMostTenThousandCameras) {
               AllOf(HasSubstr("cameras.txt:10001"), HasSubstr("10000")));
 }
 
+TEST(RigFormats, HaveNamesThatFilesCanHave) {
+  const std::string cameras = "1 PINHOLE 48 40 50 50 24 20\n", image = "1 1 0 0 0 0 0 0 1 ";
+  const auto of_image = [&](const std::string& name) {
+    return rig_refusal("colmap", {cameras, image + name + "\n\n"});
+  };
+  EXPECT_THAT(of_image(std::string(4001, 'a')), HasSubstr("4001 bytes, allowed: 4000"));
+  EXPECT_THAT(of_image(std::string("a.png\0x", 7)),
+              AllOf(HasSubstr("images.txt:1"), HasSubstr("control characters")));
+  json document = {{"w", 64}, {"h", 48}, {"fl_x", 20}};
+  document["frames"] = {{{"file_path", std::string("a.png\0x", 7)},
+                         {"transform_matrix", {{1, 0, 0, 1}, {0, 1, 0, 2}, {0, 0, 1, 3}}}}};
+  EXPECT_THAT(rig_refusal("nerf", {document.dump()}),
+              AllOf(HasSubstr("#/frames/0/file_path"), HasSubstr("control characters")));
+}
+
 TEST(RigFormats, StateWhatTheyDoNotHold) {
   schemas::RigDocument rig = rig_of_fisheyes(Projection::kFisheye);
   rig.cameras[0].geometry.line_time_us = 12;

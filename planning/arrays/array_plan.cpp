@@ -258,15 +258,16 @@ class ArrayPlanner {
     array.megabytes_per_s = cameras * rate_of(camera);
     const double per_node = std::min<double>(
         node.cameras, std::floor(node.megabytes_per_s / rate_of(camera) * (1 + kAsGood)));
-    const double nodes = std::ceil(cameras / per_node);
+    constexpr double kMost = 1e9;  // of nodes and disks: they are counted as int
+    const double nodes = std::min(kMost, std::ceil(cameras / per_node));
     const double each = std::min(cameras, per_node) * rate_of(camera);  // of a full node
     const double gigabytes = each * specification_.minutes * kSecondsPerMinute / kMegaPerGiga;
     const double disks = std::max(
         {1.0, std::ceil(each / disk.megabytes_per_s), std::ceil(gigabytes / disk.gigabytes)});
-    constexpr double kMost = 1e9;  // of nodes and disks: they are counted as int
-    array.nodes = static_cast<int>(std::min(kMost, nodes));
-    array.disks = static_cast<int>(std::min(kMost, nodes * disks));
-    array.price = cameras * camera.price + nodes * node.price + nodes * disks * disk.price;
+    const double all_disks = std::min(kMost, nodes * disks);
+    array.nodes = static_cast<int>(nodes);
+    array.disks = static_cast<int>(all_disks);
+    array.price = cameras * camera.price + nodes * node.price + all_disks * disk.price;
   }
 
   void mark_front() {

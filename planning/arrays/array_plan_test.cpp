@@ -187,6 +187,12 @@ TEST(ArrayPlan, HoldsAtTheExtremes) {
   wanted = prototype();
   for (auto& position : wanted.positions) position.depth_m = -1e6;
   EXPECT_THROW(plan_array(wanted, "test"), Error);  // more cameras than can be counted
+  wanted = prototype();
+  wanted.disk = {500, 1e-302, 0};  // infinitely many disks for nothing
+  for (const ArrayAlternative& one : plan_array(wanted, "test").alternatives) {
+    EXPECT_TRUE(std::isfinite(one.price));
+    EXPECT_EQ(one.disks, 1'000'000'000);
+  }
 }
 
 TEST(ArrayPlan, ACameraStaysOnOneNode) {

@@ -291,7 +291,7 @@ std::string array_plan_as_json(const ArrayPlan& plan, const std::vector<ArrayTri
       {"trade_megapixels_per_s", plan.trade_megapixels_per_s},
       {"trade", trade},
       {"simulated", simulated}};
-  return json.dump(2) + "\n";
+  return schemas::dump_json(json) + "\n";
 }
 
 std::string array_plan_as_page(const ArrayPlan& plan, const std::vector<ArrayTrial>& trials) {

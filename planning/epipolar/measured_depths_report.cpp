@@ -168,7 +168,7 @@ std::string measured_depths_as_json(const MeasuredDepths& depths) {
                           {"inverse_depth_per_pixel", depths.inverse_depth_per_pixel},
                           {"quantiles", shares},
                           {"epipolar_images", images}};
-  return json.dump(2) + "\n";
+  return schemas::dump_json(json) + "\n";
 }
 
 std::string measured_depths_as_page(const MeasuredDepths& depths) {

@@ -110,9 +110,8 @@ Error contained_open_error(const ContainedPath& file, int reason) {
   if (reason == ELOOP) {
     return Error::bad_input("a part of the path is a link, which could lead anywhere",
                             file.path().string(),
-                            std::string("Replace the link by the file or folder itself; to read ") +
-                                "through links that you trust, add --follow-links, or set " +
-                                kFollowLinksVariable + "=1");
+                            "Replace the link by the file or folder itself; for links that you "
+                            "trust, commands that only read have --follow-links");
   }
   return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
                           file.path().string(), "Check that it exists and is readable");

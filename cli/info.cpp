@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "base/contained_path.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
@@ -536,6 +537,8 @@ int main(int argc, char** argv) {
   command.option("TAKE|RIG", folder, "Folder of the take, or a rig (rig.json)").required();
   command.flag("--json", json, "Print as JSON (times in ns, lengths in m)");
   add_follow_links_option(command);
-  return parse_and_run(command, argc, argv, "info",
-                       [&](std::stop_token) { return info(folder, json); });
+  return parse_and_run(command, argc, argv, "info", [&](std::stop_token stop) {
+    const CancellationScope scope(stop);
+    return info(folder, json);
+  });
 }

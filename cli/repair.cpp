@@ -104,7 +104,7 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
   }
   for (const auto& file : report.files) print_file(file, options.dry_run);
   for (const Error& left_out : report.left_out) {
-    print("{}: not taken: a link, a special file or such a name is no file of a take\n",
+    print("{}: left out: a take has no links, pipes, devices or names like this\n",
           left_out.where());
   }
   print("{} of {} cameras were intact and are unchanged\n", intact, report.cameras.size());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage-decode-png, in lib/raystage: decodes PNG files of 8 bits for its parent process, see
 // sandbox/. The codes are those of the file: libpng does not convert them.
+#include <fmt/format.h>
 #include <png.h>
 
 #include <cstdint>
@@ -41,7 +42,11 @@ std::vector<std::byte> answer(std::span<const std::byte> request) {
                                    .alpha_channel = 3};
   const std::size_t bytes = std::size_t{4} * png->width * png->height;
   if (bytes > source.memory_bytes) {
-    throw std::runtime_error("its pixels need more memory than is granted");
+    constexpr double kMegabyte = 1e6;
+    throw std::runtime_error(
+        fmt::format("its {}x{} pixels need {:.0f} MB of memory, and {:.0f} MB are granted",
+                    png->width, png->height, static_cast<double>(bytes) / kMegabyte,
+                    static_cast<double>(source.memory_bytes) / kMegabyte));
   }
   sandbox::ByteWriter result;
   write_properties(result, properties);

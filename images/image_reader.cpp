@@ -52,7 +52,7 @@ ImageReader ImageReader::of_png_plates(std::size_t memory_bytes) {
   const std::size_t bytes = granted(memory_bytes);
   sandbox::DecoderOptions options = image_decoder_options("plate", bytes);
   options.program = "raystage-decode-png";
-  options.advice = "Save it as PNG with 8 bits or as EXR";
+  options.advice = "Save it as EXR, or as PNG with 8 bits that is not larger than needed";
   return {bytes, std::move(options)};
 }
 

@@ -18,6 +18,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/cancellation.h"
 #include "base/contained_path.h"
 #include "base/error.h"
 #include "sandbox/decoder_child.h"
@@ -135,6 +136,7 @@ class DecoderProcess::Exchange {
       throw refusal("its decoder asked for too many files", kIsDamaged);
     std::array<char, kMaxText + 1> message{};
     for (;;) {
+      throw_if_cancelled();
       require_time();
       constexpr int kPollMilliseconds = 50;
       pollfd waiting{child_.socket(), POLLIN, 0};
@@ -244,8 +246,10 @@ class DecoderProcess::Exchange {
                         "(seccomp)",
                         options_.kind),
             file_.string(),
-            fmt::format("Use a kernel with seccomp, or set {}=1 if the file is trusted",
-                        kUnsandboxedVariable));
+            fmt::format(
+                "Use a kernel with seccomp; if the file is trusted, add --unsandboxed or set "
+                "{}=1",
+                kUnsandboxedVariable));
       case kEnded:
       case kBroken:
         return refusal("its decoder ended", kIsDamaged);

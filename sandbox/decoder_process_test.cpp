@@ -8,9 +8,11 @@
 
 #include <chrono>
 #include <fstream>
+#include <stop_token>
 #include <string>
 #include <thread>
 
+#include "base/cancellation.h"
 #include "base/error.h"
 #include "base/resources.h"
 #include "sandbox/machine_limits.h"
@@ -91,6 +93,17 @@ TEST_F(DecoderProcessTest, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
   expect_error("flood", "its decoder ");
   options_.time = std::chrono::seconds(20);
   expect_error("requests", "asked for too many files");
+}
+
+TEST_F(DecoderProcessTest, AStopDoesNotWaitForIt) {
+  options_.time = std::chrono::seconds(60);
+  std::stop_source stop;
+  std::jthread asks([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    stop.request_stop();
+  });
+  const CancellationScope scope(stop.get_token());
+  EXPECT_THROW(run("loop"), Cancelled);
 }
 
 TEST_F(DecoderProcessTest, CanDoNothingButDecode) {

@@ -10,6 +10,7 @@
 #include <cassert>
 #include <string>
 
+#include "base/cancellation.h"
 #include "base/error.h"
 #include "base/little_endian.h"
 
@@ -131,7 +132,17 @@ std::array<std::byte, kRecordBytesV1> encode_record_v1(const FrameRecord& record
   return bytes;
 }
 
+void require_possible_size(std::uint64_t bytes, std::string_view name) {
+  if (bytes <= kMaxBytes) return;
+  throw Error::bad_input(
+      "the journal has " + std::to_string(bytes) + " bytes, allowed: " + std::to_string(kMaxBytes),
+      std::string(name),
+      "Move it away; `raystage repair` then writes one from the archive, whose frames count as "
+      "unverified");
+}
+
 std::optional<Header> decode_header(std::span<const std::byte> file, std::string_view name) {
+  require_possible_size(file.size(), name);
   if (file.size() < kHeaderBytes) return std::nullopt;
   const auto header = file.first<kHeaderBytes>();
   const bool magic =
@@ -161,8 +172,10 @@ Contents decode(std::span<const std::byte> file, std::string_view name) {
   const std::uint32_t version = contents.header->version;
   const std::size_t step = record_bytes(version);
   auto rest = file.subspan(kHeaderBytes);
-  contents.records.reserve(rest.size() / step);
-  for (; rest.size() >= step; rest = rest.subspan(step)) {
+  constexpr std::size_t kAtOnce = std::size_t{1} << 20;  // records between two checks for a stop
+  contents.records.reserve(std::min(rest.size() / step, kAtOnce));
+  for (std::size_t i = 0; rest.size() >= step; rest = rest.subspan(step), ++i) {
+    if (i % kAtOnce == 0) throw_if_cancelled();
     if (const auto record = decode_record(rest.first(step), version)) {
       contents.records.push_back(*record);
     } else {

@@ -23,6 +23,12 @@ inline constexpr std::size_t kRecordBytes = 48, kRecordBytesV1 = 32;
 /// nothing shows whether their bytes are the recorded ones.
 inline constexpr int kMaxTrustedUnlistedFrames = 1;
 
+/// Larger journals are refused: 89 million frames are a month at 30 a second.
+inline constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 30;
+
+/// Throws Error (bad input) for a journal larger than kMaxBytes; `name` is the file for errors.
+void require_possible_size(std::uint64_t bytes, std::string_view name);
+
 /// Returns the bytes per record; `version` is 1 or 2.
 std::size_t record_bytes(std::uint32_t version);
 
@@ -38,7 +44,7 @@ struct Header {
   std::uint64_t camera_hash = 0;  ///< see hash_camera_id
 };
 /// Returns the header, or nullopt if it is truncated or damaged. Throws Error (bad input) if it is
-/// intact but of a future version; `name` is the file for errors.
+/// intact but of a future version, and as require_possible_size(); `name` is the file for errors.
 std::optional<Header> decode_header(std::span<const std::byte> file, std::string_view name);
 /// Returns the record in `bytes`, a record of that version, or nullopt if its check fails. In
 /// version 2 the check detects every single flipped bit.
@@ -53,7 +59,7 @@ struct Contents {
 };
 
 /// Returns the contents of a journal; accepts any bytes. A journal without an intact header has no
-/// records. Throws Error (bad input) only if the header is intact and of a future version.
+/// records. Throws as decode_header(), and Cancelled (base/cancellation.h).
 Contents decode(std::span<const std::byte> file, std::string_view name);
 
 /// Returns the hash that, together with the epoch, links a journal to its archive.

@@ -6,9 +6,12 @@
 #include <xxhash.h>
 
 #include <array>
+#include <filesystem>
+#include <fstream>
 
 #include "base/error.h"
 #include "base/little_endian.h"
+#include "base/mapped_file.h"
 #include "store/matroska.h"
 #include "store/timeline_file.h"
 #include "testing/store/archive_test_data.h"
@@ -205,6 +208,21 @@ TEST_F(Journal, ArrivalsAreNoPartOfWhatATimelineStandsOn) {
   };
   EXPECT_EQ(fingerprint("a", {}, 1), fingerprint("b", {5, 6}, 1));
   EXPECT_NE(fingerprint("c", {}, 1), fingerprint("d", {}, 2));
+}
+
+// A file of holes can be of any size.
+TEST_F(Journal, IsRefusedWhereItIsLargerThanAnyRecording) {
+  const std::filesystem::path file = folder.path() / "holes.journal";
+  std::ofstream(file).put('x');
+  std::filesystem::resize_file(file, journal::kMaxBytes + 1);
+  const MappedFile mapped(file);
+  try {
+    journal::decode(mapped.bytes(), "holes.journal");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_THAT(error.what(), HasSubstr("holes.journal: the journal has 4294967297 bytes"));
+  }
 }
 
 TEST_F(Journal, IsRefusedFromTheFuture) {

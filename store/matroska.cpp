@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 
+#include "base/cancellation.h"
 #include "base/error.h"
 #include "store/ebml.h"
 #include "store/temporal/temporal_frame.h"
@@ -419,10 +420,16 @@ std::optional<FoundFrame> parse_cluster(Bytes file, std::size_t offset) {
 
 std::vector<FoundFrame> find_clusters(Bytes file, std::size_t begin) {
   std::vector<FoundFrame> frames;
+  constexpr std::size_t kAtOnce = 16 << 20;  // bytes between two checks for a stop
   while (begin < file.size()) {
-    const void* next = std::memchr(file.data() + begin, std::to_integer<int>(kClusterIdBytes[0]),
-                                   file.size() - begin);
-    if (next == nullptr) break;
+    throw_if_cancelled();
+    const std::size_t part = std::min(kAtOnce, file.size() - begin);
+    const void* next =
+        std::memchr(file.data() + begin, std::to_integer<int>(kClusterIdBytes[0]), part);
+    if (next == nullptr) {
+      begin += part;
+      continue;
+    }
     begin = static_cast<std::size_t>(static_cast<const std::byte*>(next) - file.data());
     if (const auto frame = parse_cluster(file, begin)) frames.push_back(*frame);
     ++begin;
@@ -433,7 +440,13 @@ std::vector<FoundFrame> find_clusters(Bytes file, std::size_t begin) {
 std::vector<FoundFrame> scan_clusters(Bytes file, std::size_t begin, std::size_t end) {
   end = std::min(end, file.size());
   std::vector<FoundFrame> frames;
+  constexpr std::size_t kAtOnce = 16 << 20;  // bytes between two checks for a stop
+  std::size_t looked_at = begin;
   for (std::size_t at = begin; at < end;) {
+    if (at - looked_at >= kAtOnce) {
+      throw_if_cancelled();
+      looked_at = at;
+    }
     std::size_t next = 0;
     if (const auto frame = read_cluster(file, at, next)) {
       frames.push_back(*frame);
@@ -442,10 +455,13 @@ std::vector<FoundFrame> scan_clusters(Bytes file, std::size_t begin, std::size_t
                element && std::ranges::count(kSkipped, element->id) > 0 && element->end() <= end) {
       at = element->end();
     } else {
-      const Bytes rest = file.subspan(at + 1, end - at - 1);
+      // Parts overlap by an identifier less a byte.
+      const Bytes rest =
+          file.subspan(at + 1, std::min(end - at - 1, kAtOnce + kClusterIdBytes.size() - 1));
       const auto found =
           std::search(rest.begin(), rest.end(), kClusterIdBytes.begin(), kClusterIdBytes.end());
-      at += 1 + static_cast<std::size_t>(found - rest.begin());
+      const auto step = static_cast<std::size_t>(found - rest.begin());
+      at += found != rest.end() || rest.size() <= kAtOnce ? 1 + step : 1 + kAtOnce;
     }
   }
   return frames;

@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "ingest/sources/configuration_error.h"
+#include "ingest/sources/ffmpeg_source.h"
 
 namespace raystage::ingest {
 namespace {
@@ -175,10 +176,14 @@ std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
       description.width = geometry->width;
       description.height = geometry->height;
     }
+    std::size_t overhead = memory_overhead;
+    if (const auto* ffmpeg = std::get_if<schemas::RecordConfig::FfmpegSource>(&camera.source)) {
+      overhead = std::max(overhead, memory_overhead_before_opening(*ffmpeg));
+    }
     const bool is_aravis =
         std::holds_alternative<schemas::RecordConfig::AravisSource>(camera.source);
     cameras[i].source =
-        std::make_unique<AbsentSource>(std::move(description), memory_overhead, !is_aravis);
+        std::make_unique<AbsentSource>(std::move(description), overhead, !is_aravis);
   }
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     if (attempts[i].source) cameras[i].source = std::move(attempts[i].source);

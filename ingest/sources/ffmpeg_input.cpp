@@ -64,15 +64,11 @@ bool is_fault_of_configuration(int code, const FfmpegAddress& address) {
 FfmpegInput::FfmpegInput(FfmpegAddress address, FfmpegOptions& options,
                          std::optional<std::size_t> max_frame_bytes)
     : address_(std::move(address)),
+      is_limit_configured_(max_frame_bytes.has_value()),
       max_frame_bytes_(max_frame_bytes.value_or(kMaxFrameOfUnknownSize)) {
   deadline_ = (Clock::now() + kOpenWithin).time_since_epoch().count();
   open(options);
-  const AVCodecParameters& video = *stream().codecpar;
-  if (!max_frame_bytes && video.width > 0 && video.height > 0) {
-    constexpr std::size_t kLeast = 4'000'000, kBytesPerPixel = 4;
-    max_frame_bytes_ = std::max(kLeast, kBytesPerPixel * static_cast<std::size_t>(video.width) *
-                                            static_cast<std::size_t>(video.height));
-  }
+  set_picture_size(stream().codecpar->width, stream().codecpar->height);
   deadline_ = Clock::time_point::max().time_since_epoch().count();
 }
 
@@ -85,17 +81,24 @@ FfmpegInput::~FfmpegInput() {
   if (reader_.joinable()) reader_.join();
 }
 
+void FfmpegInput::set_picture_size(int width, int height) {
+  if (width <= 0 || height <= 0) return;
+  pixels_ = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  constexpr std::size_t kLeast = 4'000'000, kBytesPerPixel = 4;
+  if (!is_limit_configured_) max_frame_bytes_ = std::max(kLeast, kBytesPerPixel * pixels_);
+}
+
 bool FfmpegInput::stopping() const {
   return stop_ || Clock::now().time_since_epoch().count() > deadline_;
 }
 
 bool FfmpegInput::is_frame_too_large() const {
   if (!context_ || context_->pb == nullptr) return false;
-  // In addition to the frame, FFmpeg has read the bytes to probe, and a buffer.
-  const std::int64_t beyond = context_->probesize + (std::int64_t{1} << 20);
+  // In addition to the frame, FFmpeg has read a buffer, and the bytes to probe.
+  const std::int64_t beyond = (probed_ ? context_->probesize : 0) + (std::int64_t{1} << 20);
   const bool is_large_file = address_.kind == FfmpegAddress::Kind::kFile;
-  return !is_large_file &&
-         context_->pb->pos - frame_start_ > static_cast<std::int64_t>(max_frame_bytes_) + beyond;
+  return !is_large_file && context_->pb->pos - frame_start_ >
+                               static_cast<std::int64_t>(max_frame_bytes_.load()) + beyond;
 }
 
 int FfmpegInput::should_interrupt(void* opaque) {
@@ -143,17 +146,24 @@ void FfmpegInput::open(FfmpegOptions& options) {
   // Otherwise V4L2 waits for a camera that hangs, and cannot be interrupted.
   if (is_v4l2(address_.format)) context->flags |= AVFMT_FLAG_NONBLOCK;
   const char* url = pipe_ ? nullptr : address_.url.c_str();
+  AVDictionary* given = nullptr;  // avformat_open_input() removes those that it uses
+  av_dict_copy(&given, *options.get(), 0);
+  const std::unique_ptr<AVDictionary*, void (*)(AVDictionary**)> freed(&given, av_dict_free);
   // Frees the context itself on failure.
   int code = avformat_open_input(&context, url, address_.format, options.get());
   if (code < 0) {
     if (http_) http_->rethrow_failure();
+    for (const char* own : {"protocol_whitelist", "format_whitelist"}) options.remove(own);
     const std::string named = options.names();
     std::string advice = "Check the address, and that the source exists";
-    if (code == AVERROR_INVALIDDATA) {
-      advice = "Check that it sends video or pictures; playlists are not read";
-    } else if (!named.empty()) {
-      advice = "Check the address and the values of the options " + named;
+    if (address_.kind == FfmpegAddress::Kind::kNetwork) {
+      advice =
+          "Check the address, and that the camera is switched on and sends video or pictures; "
+          "playlists are not read";
+    } else if (code == AVERROR_INVALIDDATA) {
+      advice = "Check that it holds video or pictures; playlists are not read";
     }
+    if (!named.empty()) advice += ". Check also the values of the options " + named;
     const Error error = refuse(code, "the source cannot be opened", advice);
     if (is_fault_of_configuration(code, address_)) throw ConfigurationError(error);
     throw Error(error);
@@ -162,6 +172,12 @@ void FfmpegInput::open(FfmpegOptions& options) {
   check_redirection();
   // FFmpeg reports no error if the interruption comes while it looks for a tag at the start.
   if (stopping()) throw refuse(AVERROR_EXIT, "", "");
+  const bool is_stream =
+      address_.kind == FfmpegAddress::Kind::kNetwork || address_.kind == FfmpegAddress::Kind::kPipe;
+  if (is_stream && std::strcmp(context_->iformat->name, "jpeg_pipe") == 0) {
+    read_as_motion_jpeg(given);
+    context = context_.get();
+  }
   probed_ = needs_probing();
   if (probed_) {
     // Frames read ahead to determine the rate of a live source would arrive late.
@@ -178,6 +194,27 @@ void FfmpegInput::open(FfmpegOptions& options) {
   for (unsigned i = 0; i < context->nb_streams; ++i) {
     if (static_cast<int>(i) != stream_) context->streams[i]->discard = AVDISCARD_ALL;
   }
+}
+
+/// Replaces FFmpeg's reader of still pictures by that of Motion JPEG, on the same connection: it
+/// would analyse five seconds of pictures, and could not go on after one that does not end.
+void FfmpegInput::read_as_motion_jpeg(AVDictionary* options) {
+  AVIOContext* const connection = context_->pb;
+  context_->flags |= AVFMT_FLAG_CUSTOM_IO;  // the connection stays open
+  context_.reset();
+  if (!pipe_ && !http_) connection_.reset(connection);
+  AVFormatContext* context = check_allocation(avformat_alloc_context());
+  context->interrupt_callback = {should_interrupt, this};
+  context->pb = connection;
+  AVDictionary* unused = nullptr;
+  av_dict_copy(&unused, options, 0);
+  const int code = avformat_open_input(&context, nullptr, av_find_input_format("mjpeg"), &unused);
+  av_dict_free(&unused);
+  if (code < 0) {
+    throw Error::bad_input("the source cannot be opened: " + av_error_text(code),
+                           address_.display_url, "Set the format of the source");
+  }
+  context_.reset(context);
 }
 
 /// Returns whether packets must be read to determine the codec.
@@ -210,25 +247,29 @@ double FfmpegInput::fps() const {
 std::size_t FfmpegInput::memory_overhead() const {
   using Kind = FfmpegAddress::Kind;
   const AVCodecParameters& video = *stream().codecpar;
-  const auto pixels =
-      static_cast<std::size_t>(video.width) * static_cast<std::size_t>(video.height);
   const bool uncompressed =
       video.codec_id == AV_CODEC_ID_RAWVIDEO || video.codec_id == AV_CODEC_ID_WRAPPED_AVFRAME;
   const int raw = uncompressed ? av_image_get_buffer_size(static_cast<AVPixelFormat>(video.format),
                                                           video.width, video.height, 1)
                                : 0;
   // Compressed packets seldom exceed half a byte per pixel, as for JPEG.
-  const std::size_t packet = raw > 0 ? static_cast<std::size_t>(raw) : pixels / 2;
+  const std::size_t packet = raw > 0 ? static_cast<std::size_t>(raw) : pixels_ / 2;
   std::size_t bytes = (kReadAhead + kInUse) * packet + kDemuxer;
   // The bytes read while probing wait to be read again.
   if (probed_) bytes += static_cast<std::size_t>(context_->probesize);
   if (address_.kind == Kind::kNetwork) bytes += http_ ? kHttpBuffers : kNetworkBuffers;
   // A frame that does not end.
   if (raw == 0 && (address_.kind == Kind::kNetwork || address_.kind == Kind::kPipe)) {
-    bytes += max_frame_bytes_;
+    bytes += is_limit_configured_ ? max_frame_bytes_.load()
+                                  : std::max(max_frame_bytes_.load(), kMaxFrameOfUnknownSize);
   }
-  if (std::strcmp(context_->iformat->name, "lavfi") == 0) bytes += kGraphPictures * 4 * pixels;
+  if (std::strcmp(context_->iformat->name, "lavfi") == 0) bytes += kGraphPictures * 4 * pixels_;
   return bytes;
+}
+
+std::size_t FfmpegInput::memory_overhead_before_opening(
+    std::optional<std::size_t> max_frame_bytes) {
+  return kDemuxer + kNetworkBuffers + max_frame_bytes.value_or(kMaxFrameOfUnknownSize);
 }
 
 void FfmpegInput::start() {
@@ -248,6 +289,7 @@ void FfmpegInput::start() {
 
 /// Reads a packet of the chosen stream, or returns FFmpeg's error code.
 int FfmpegInput::read_packet(AVPacket& packet) {
+  std::int64_t position = context_->pb == nullptr ? 0 : context_->pb->pos;
   for (;;) {
     const int code = av_read_frame(context_.get(), &packet);
     if (code == AVERROR(EAGAIN)) {
@@ -262,8 +304,15 @@ int FfmpegInput::read_packet(AVPacket& packet) {
       context_->pb->error = 0;
       context_->pb->eof_reached = 0;
       frame_start_ = context_->pb->pos;
+      seeks_frame_ = true;
       return kFrameTooLarge;
     }
+    // What follows a frame that was dropped is no frame until the next one begins.
+    if (seeks_frame_ && code == AVERROR_INVALIDDATA && context_->pb->pos > position) {
+      position = context_->pb->pos;
+      continue;
+    }
+    seeks_frame_ = false;
     if (context_->pb != nullptr) frame_start_ = context_->pb->pos;
     if (code < 0 || (packet.stream_index == stream_ && packet.size > 0)) return code;
     av_packet_unref(&packet);

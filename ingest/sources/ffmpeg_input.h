@@ -32,12 +32,15 @@ class FfmpegInput {
     Nanoseconds arrival_steady = 0;
     bool no_memory = false;  ///< null, because memory for it could not be allocated
   };
+  /// Bytes of a frame of a camera whose size is not known yet, and that has no limit of its own.
+  static constexpr std::size_t kMaxFrameOfUnknownSize = 16'000'000;
   enum class Outcome { kPacket, kNoData, kEnded, kLost };
 
   /// Opens the source and leaves in `options` those that FFmpeg did not use. Throws Error (bad
   /// input) if it cannot be opened, has no video or redirects to another host, Error (failed) if no
   /// data arrives within 10 s. `max_frame_bytes`: FFmpeg collects the bytes of a frame until its
-  /// end, which a faulty camera may never send; none: four bytes a pixel, at least 4 MB.
+  /// end, which a faulty camera may never send; none: four bytes a pixel, at least 4 MB, and
+  /// kMaxFrameOfUnknownSize while the size is not known.
   FfmpegInput(FfmpegAddress address, FfmpegOptions& options,
               std::optional<std::size_t> max_frame_bytes);
   ~FfmpegInput();
@@ -49,11 +52,15 @@ class FfmpegInput {
   const AVStream& stream() const { return *context_->streams[stream_]; }
   /// Returns true for files, filter graphs, pipes, and live sources that announced a duration.
   bool is_finite_stream() const { return !address_.is_live() || context_->duration > 0; }
+  /// Tells the size of the pictures, where the stream did not state it when it was opened.
+  void set_picture_size(int width, int height);
   /// Returns the nominal frames per second, or 0 if unknown.
   double fps() const;
 
   /// Returns an upper estimate of the bytes of packets read ahead and of FFmpeg's buffers.
   std::size_t memory_overhead() const;
+  /// The same of a source that could not be opened yet.
+  static std::size_t memory_overhead_before_opening(std::optional<std::size_t> max_frame_bytes);
 
   /// Starts the reading thread; take() does so if it was not called. A filter graph must wait until
   /// its pictures are wanted: it makes them as fast as it can and may keep them.
@@ -70,6 +77,7 @@ class FfmpegInput {
   bool is_frame_too_large() const;
   void check_redirection() const;
   void open(FfmpegOptions& options);
+  void read_as_motion_jpeg(AVDictionary* options);
   bool needs_probing() const;
   void read_packets();
   bool outlives_lack_of_memory(int& lacks) const;
@@ -81,12 +89,15 @@ class FfmpegInput {
   std::atomic<Clock::rep> deadline_{};  ///< of opening
   std::unique_ptr<PipeReader> pipe_;    // both are used by context_
   std::unique_ptr<HttpReader> http_;
+  AvPtr<AVIOContext> connection_;  // of context_, where that does not own it
   AvPtr<AVFormatContext> context_;
-  static constexpr std::size_t kMaxFrameOfUnknownSize = 64'000'000;
-  std::size_t max_frame_bytes_ = kMaxFrameOfUnknownSize;
+  bool is_limit_configured_ = false;
+  std::atomic<std::size_t> max_frame_bytes_;
+  std::size_t pixels_ = 0;        ///< of a picture; 0: not known
   std::int64_t frame_start_ = 0;  ///< bytes of the stream read before the present frame
   int stream_ = -1;
   bool probed_ = false;
+  bool seeks_frame_ = false;  ///< after one that was too large
 
   std::mutex mutex_;
   std::condition_variable changed_;

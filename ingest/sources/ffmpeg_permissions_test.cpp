@@ -165,7 +165,6 @@ void send_frame_that_never_ends(const std::vector<std::byte>& jpeg, const Send& 
 
 /// Expects that the frame that never ends is dropped without being kept.
 void expect_frames_around(const std::vector<std::byte>& jpeg, Source source) {
-  source.format = "mjpeg";
   source.max_frame_mb = 2;
   const auto opened = open_ffmpeg_source(source, "/");
   SourceFrame frame;
@@ -188,22 +187,79 @@ void expect_frames_around(const std::vector<std::byte>& jpeg, Source source) {
 
 TEST(FfmpegPermissions, AFrameThatNeverEndsIsDroppedAndTheNextOneIsWhole) {
   const auto jpeg = testing::test_jpeg(64, 48, 40);
-  const testing::TestServer server([&](const testing::TestConnection& client) {
-    send_frame_that_never_ends(jpeg, [&](const auto& bytes) { client.send(bytes); });
-    client.wait_for_end();
-  });
-  expect_frames_around(jpeg, {.url = server.url("tcp")});
+  const testing::TestServer server(
+      [&](const testing::TestConnection& client) {
+        send_frame_that_never_ends(jpeg, [&](const auto& bytes) { client.send(bytes); });
+        client.wait_for_end();
+      },
+      2);
+  expect_frames_around(jpeg, {.url = server.url("tcp"), .format = "mjpeg"});
+  expect_frames_around(jpeg, {.url = server.url("tcp")});  // FFmpeg finds the format
 }
 
 TEST(FfmpegPermissions, AFrameThatNeverEndsOverHttpIsDropped) {
   const auto jpeg = testing::test_jpeg(64, 48, 40);
+  const testing::TestServer server(
+      [&](const testing::TestConnection& client) {
+        client.request();
+        client.send(
+            std::string_view("HTTP/1.0 200 OK\r\nContent-Type: video/x-motion-jpeg\r\n\r\n"));
+        send_frame_that_never_ends(jpeg, [&](const auto& bytes) { client.send(bytes); });
+        client.wait_for_end();
+      },
+      2);
+  expect_frames_around(jpeg, {.url = server.url("http"), .format = "mjpeg"});
+  expect_frames_around(jpeg, {.url = server.url("http")});
+}
+
+TEST(FfmpegPermissions, APartOfAMultipartStreamThatNeverEndsIsDropped) {
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
   const testing::TestServer server([&](const testing::TestConnection& client) {
     client.request();
-    client.send(std::string_view("HTTP/1.0 200 OK\r\nContent-Type: video/x-motion-jpeg\r\n\r\n"));
-    send_frame_that_never_ends(jpeg, [&](const auto& bytes) { client.send(bytes); });
+    client.send(
+        std::string_view("HTTP/1.0 200 OK\r\nContent-Type: "
+                         "multipart/x-mixed-replace;boundary=frame\r\n\r\n--frame\r\n"));
+    const auto send_part = [&](const auto& bytes) {
+      client.send(std::string_view("Content-Type: image/jpeg\r\n\r\n"));
+      client.send(bytes);
+      client.send(std::string_view("\r\n--frame\r\n"));
+    };
+    send_part(jpeg);
+    client.send(std::string_view("Content-Type: image/jpeg\r\n\r\n\xFF\xD8"));
+    const std::vector<std::byte> zeros(1 << 20);
+    for (int i = 0; i < 120; ++i) client.send(zeros);
+    client.send(std::string_view("\r\n--frame\r\n"));
+    for (int i = 0; i < 20; ++i) send_part(jpeg);
     client.wait_for_end();
   });
   expect_frames_around(jpeg, {.url = server.url("http")});
+}
+
+// Of an unknown format, size and limit: the frames before it count, and the memory is as stated.
+TEST(FfmpegPermissions, AFrameThatNeverEndsTakesTheMemoryThatIsStated) {
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  const testing::TestServer server([&](const testing::TestConnection& client) {
+    for (int i = 0; i < 5; ++i) client.send(jpeg);
+    client.send(std::span(jpeg).first(jpeg.size() - 2));
+    const std::vector<std::byte> zeros(1 << 20);
+    while (client.send(zeros)) {
+    }
+  });
+  const std::size_t before = resident_bytes();
+  const auto opened = open_ffmpeg_source({.url = server.url("tcp")}, "/");
+  const std::size_t stated = opened->memory_overhead();
+  EXPECT_LT(stated, 30'000'000U);
+  EXPECT_LE(stated, memory_overhead_before_opening({.url = server.url("tcp")}) + 1'000'000);
+  SourceFrame frame;
+  int whole = 0, torn = 0;
+  std::size_t most = 0;
+  while (torn < 10) {
+    ASSERT_EQ(opened->next(frame, 20s), Outcome::kFrame);
+    ++(frame.torn ? torn : whole);
+    most = std::max(most, resident_bytes());
+  }
+  EXPECT_EQ(whole, 5);
+  EXPECT_LT(most, before + stated);
 }
 
 TEST(FfmpegPermissions, ASenderThatNeverPausesDoesNotHoldUpTheEnd) {
@@ -239,7 +295,7 @@ TEST(FfmpegPermissions, AFrameThatNeverEndsInAPipeIsDropped) {
                  static_cast<std::streamsize>(bytes.size()));
     });
   });
-  expect_frames_around(jpeg, {.url = pipe});
+  expect_frames_around(jpeg, {.url = pipe, .format = "mjpeg"});
   sender.join();
 }
 

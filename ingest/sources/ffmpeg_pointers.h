@@ -20,6 +20,7 @@ namespace raystage::ingest {
 
 struct AvDeleter {
   void operator()(AVFormatContext* context) const { avformat_close_input(&context); }
+  void operator()(AVIOContext* connection) const { avio_close(connection); }
   void operator()(AVCodecContext* context) const { avcodec_free_context(&context); }
   void operator()(AVFrame* frame) const { av_frame_free(&frame); }
   void operator()(AVPacket* packet) const { av_packet_free(&packet); }
@@ -39,6 +40,7 @@ class FfmpegOptions {
   void set(const std::string& name, const std::string& value) {
     av_dict_set(&options_, name.c_str(), value.c_str(), 0);
   }
+  void remove(const char* name) { av_dict_set(&options_, name, nullptr, 0); }
   /// Returns the value of an option, or an empty text.
   std::string value(const std::string& name) const {
     const AVDictionaryEntry* entry = av_dict_get(options_, name.c_str(), nullptr, 0);

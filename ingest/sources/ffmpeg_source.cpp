@@ -185,6 +185,7 @@ class FfmpegSource final : public FrameSource {
     const JpegMarkerInfo markers = scan_jpeg_markers(held_.jpeg);
     description_.width = codec_ ? held_.raw.width : markers.width;
     description_.height = codec_ ? held_.raw.height : markers.height;
+    input_.set_picture_size(description_.width, description_.height);
   }
 
   /// The same as produce(); a frame for which there is no memory is reported as such.
@@ -339,6 +340,10 @@ std::unique_ptr<FrameSource> open_ffmpeg_source(const schemas::RecordConfig::Ffm
                                                 SourcePermissions permissions) {
   av_log_set_level(AV_LOG_QUIET);  // our Error reports failures once
   return std::make_unique<FfmpegSource>(source, base, permissions);
+}
+
+std::size_t memory_overhead_before_opening(const schemas::RecordConfig::FfmpegSource& source) {
+  return FfmpegInput::memory_overhead_before_opening(max_frame_bytes(source));
 }
 
 }  // namespace raystage::ingest

@@ -22,4 +22,8 @@ std::unique_ptr<FrameSource> open_ffmpeg_source(const schemas::RecordConfig::Ffm
                                                 const std::filesystem::path& base,
                                                 SourcePermissions permissions = {});
 
+/// Returns an upper estimate of FrameSource::memory_overhead() of a network camera that could not
+/// be opened yet: what it sends first is received, too.
+std::size_t memory_overhead_before_opening(const schemas::RecordConfig::FfmpegSource& source);
+
 }  // namespace raystage::ingest

@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "base/contained_path.h"
 #include "base/error.h"
 #include "base/mapped_file.h"
@@ -71,16 +72,31 @@ class CameraRepair {
       archive.check_read();
       if (journal) journal->check_read();
     };
-    if (!archive.can_read(archive.bytes())) {
+    const auto can_read = [&](std::span<const std::byte> bytes) {
+      while (!bytes.empty()) {
+        if (options_.stop.stop_requested()) throw Cancelled{};
+        const auto part = bytes.first(std::min(kReadPart, bytes.size()));
+        if (!archive.can_read(part)) return false;
+        bytes = bytes.subspan(part.size());
+      }
+      return true;
+    };
+    if (!can_read(archive.bytes())) {
       check_files();
       throw Error::failed("the disk cannot read all of the archive", archive_path_.string(),
                           "Copy the take to an intact disk with a tool that fills in unreadable "
                           "parts (ddrescue), and repair the copy");
     }
     try {
-      const bool is_intact = verify_archive(pair_, {}).is_intact();
+      VerifyOptions verify;
+      verify.stop = options_.stop;
+      const bool is_intact = verify_archive(pair_, verify).is_intact();
+      if (options_.stop.stop_requested()) throw Cancelled{};
       if (!is_intact && !options_.dry_run && !is_writable) open_for_writing();  // throws
-      if (!is_intact) result.salvage = salvage_archive(pair_);
+      if (!is_intact) {
+        const CancellationScope scope(options_.stop);
+        result.salvage = salvage_archive(pair_);
+      }
       check_files();
       result.was_intact = is_intact;
       if (is_intact || options_.dry_run) return;
@@ -170,7 +186,10 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
       copy && !copy->has_own_documents() && options.dry_run ? *options.copy : folder;
   const Take take(described);
   std::optional<NumberedTimeline> timeline;
-  if (!options.dry_run) timeline = read_numbered_timeline(folder);
+  if (!options.dry_run) {
+    const CancellationScope scope(options.stop);
+    timeline = read_numbered_timeline(folder);
+  }
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   report.cameras.resize(cameras);
   std::atomic<std::size_t> done = 0;
@@ -187,6 +206,8 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
           } else {
             CameraRepair(take, static_cast<int>(i), options).run(camera);
           }
+        } catch (const Cancelled&) {
+          return;
         } catch (const Error& error) {
           camera.error = error.what();
         }

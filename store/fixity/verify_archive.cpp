@@ -12,6 +12,7 @@
 #include <memory>
 #include <utility>
 
+#include "base/cancellation.h"
 #include "store/fixity/decoded_frame_check.h"
 #include "store/fixity/header_damage.h"
 #include "store/journal.h"
@@ -43,7 +44,11 @@ class Verifier {
   }
 
   ArchiveFixityReport run() {
-    verify();
+    try {
+      verify();
+    } catch (const Cancelled&) {  // the report says that it was stopped
+      if (!options_.stop.stop_requested()) throw;
+    }
     report_.status = options_.stop.stop_requested() ? RunStatus::kStopped : RunStatus::kFinished;
     return std::move(report_);
   }
@@ -77,7 +82,16 @@ class Verifier {
     if (problem != nullptr) problem->loses_frames = true;
   }
 
-  bool can_read(Bytes part) const { return !options_.can_read || options_.can_read(part); }
+  bool can_read(Bytes bytes) const {
+    if (!options_.can_read) return true;
+    while (!bytes.empty()) {  // of any size, if the file has holes
+      throw_if_cancelled();
+      const Bytes part = bytes.first(std::min(kReadPart, bytes.size()));
+      if (!options_.can_read(part)) return false;
+      bytes = bytes.subspan(part.size());
+    }
+    return true;
+  }
   void advance(std::uint64_t bytes) const {
     if (options_.progress) options_.progress(bytes);
   }
@@ -157,6 +171,7 @@ void Verifier::check_sizes() {
       add(pair_.journal_name, pair_.journal->size() - torn, "the journal ends within a record");
     }
     for (std::size_t i = records.size() / step; i-- > 0;) {
+      if (options_.stop.stop_requested()) return;
       const auto record = journal::decode_record(records.subspan(i * step, step), version_);
       if (!record || record->status != FrameStatus::kStored) continue;
       end = record->offset + record->size;
@@ -451,6 +466,9 @@ matroska::Header header_of_pair(const ArchivePair& pair) {
 }
 
 ArchiveFixityReport verify_archive(const ArchivePair& pair, const VerifyOptions& options) {
+  const CancellationScope scope(options.stop.stop_possible() ? options.stop
+                                                             : current_cancellation());
+  if (pair.journal) journal::require_possible_size(pair.journal->size(), pair.journal_name);
   return Verifier(pair, options).run();
 }
 

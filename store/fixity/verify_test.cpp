@@ -5,11 +5,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
 #include <mutex>
 #include <random>
+#include <stop_token>
+#include <thread>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/mapped_file.h"
 #include "schemas/recording_document.h"
 #include "store/jpeg/encode.h"
 #include "store/matroska.h"
@@ -47,6 +53,43 @@ TEST(VerifyArchive, NothingIsWrongWithWholeOnes) {
       EXPECT_EQ(report.frames, depth == VerifyDepth::kSizes ? 0 : frames);
       EXPECT_TRUE(verify(testing::with_journal_v1(pair), depth).is_intact());
       EXPECT_TRUE(verify(testing::with_archive_v1(pair, true), depth).is_intact());
+    }
+  }
+}
+
+// Files of holes can be of any size: nothing waits for their end.
+TEST(VerifyArchive, AStopDoesNotWaitForTheEndOfAHugeFile) {
+  PairBytes pair = make_pair(2, true);
+  const testing::TestFolder folder;
+  const auto grown = [&](const char* name, const std::vector<std::byte>& bytes,
+                         std::uintmax_t size) {
+    const std::filesystem::path file = folder.path() / name;
+    std::ofstream(file, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+    std::filesystem::resize_file(file, size);
+    return file;
+  };
+  const MappedFile archive(grown("a.mkv", pair.archive, std::uintmax_t{1} << 40));
+  const MappedFile journal(grown("a.journal", pair.journal, journal::kMaxBytes));
+  for (const VerifyDepth depth : kDepths) {
+    for (const bool has_large_journal : {false, true}) {
+      ArchivePair large = pair.pair();
+      large.archive = archive.bytes();
+      if (has_large_journal) large.journal = journal.bytes();
+      std::stop_source stop;
+      std::jthread asks([&] {
+        std::this_thread::sleep_for(std::chrono::milliseconds(100));
+        stop.request_stop();
+      });
+      VerifyOptions options;
+      options.depth = depth;
+      options.can_read = [&](std::span<const std::byte> part) { return archive.can_read(part); };
+      options.stop = stop.get_token();
+      const ArchiveFixityReport report = verify_archive(large, options);
+      if (depth != VerifyDepth::kSizes) {
+        EXPECT_EQ(report.status, RunStatus::kStopped);
+      }
     }
   }
 }

@@ -469,7 +469,14 @@ ArchiveFixityReport verify_archive(const ArchivePair& pair, const VerifyOptions&
   const CancellationScope scope(options.stop.stop_possible() ? options.stop
                                                              : current_cancellation());
   if (pair.journal) journal::require_possible_size(pair.journal->size(), pair.journal_name);
-  return Verifier(pair, options).run();
+  try {
+    return Verifier(pair, options).run();
+  } catch (const Cancelled&) {  // while it began
+    if (!options.stop.stop_requested()) throw;
+    ArchiveFixityReport stopped;
+    stopped.status = RunStatus::kStopped;
+    return stopped;
+  }
 }
 
 }  // namespace raystage::store

@@ -415,4 +415,9 @@ void FfmpegInput::interrupt() {
   changed_.notify_all();
 }
 
+void FfmpegInput::forget_interruption() {
+  const std::scoped_lock lock(mutex_);
+  interrupted_ = false;
+}
+
 }  // namespace raystage::ingest

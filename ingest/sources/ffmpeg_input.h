@@ -70,6 +70,8 @@ class FfmpegInput {
   std::string loss_reason();  ///< after kLost
   /// Makes a waiting take() return kNoData, or the next take() if none waits.
   void interrupt();
+  /// Forgets an interrupt() that ended another wait.
+  void forget_interruption();
 
  private:
   static int should_interrupt(void* self);

@@ -84,6 +84,7 @@ class FfmpegSource final : public FrameSource {
     if (since_ == 0) since_ = host_steady_now();
     if (!has_held_) {
       if (const Outcome outcome = try_produce(deadline); outcome != Outcome::kFrame) {
+        pace_.forget();  // an interruption ends one wait
         return outcome;
       }
       has_held_ = true;
@@ -91,6 +92,7 @@ class FfmpegSource final : public FrameSource {
     if (realtime_) {
       const Clock::time_point due = due_time();
       if (due > Clock::now() && (!pace_.until(std::min(due, deadline)) || due > deadline)) {
+        input_.forget_interruption();
         return Outcome::kNoData;
       }
       held_.arrival_steady = host_steady_now();

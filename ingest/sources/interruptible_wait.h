@@ -29,6 +29,12 @@ class InterruptibleWait {
     changed_.notify_all();
   }
 
+  /// Forgets an interrupt() that ended another wait.
+  void forget() {
+    const std::scoped_lock lock(mutex_);
+    interrupted_ = false;
+  }
+
  private:
   std::mutex mutex_;
   std::condition_variable changed_;

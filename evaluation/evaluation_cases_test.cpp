@@ -123,6 +123,12 @@ TEST_F(Subjects, TruthsAreFilesBelowTheFolderOfTheirDocument) {
     return read_views_with_truths(folder / "views.json").views[0].file;
   };
   EXPECT_EQ(read("truth/own.png"), (folder / "truth/own.png").string());
+  std::filesystem::create_symlink(folder_.path() / "secret.png", folder / "truth" / "link.png");
+  EXPECT_THROW(read("truth/link.png"), Error);
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder);  // a document without a folder in its name
+  EXPECT_THROW(read_views_with_truths("views.json"), Error);
+  std::filesystem::current_path(before);
   for (const std::string& outside :
        {std::string("../secret.png"), (folder_.path() / "secret.png").string(),
         std::string("link/secret.png"), std::string("truth/../../secret.png")}) {

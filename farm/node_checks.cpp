@@ -18,6 +18,7 @@
 #include "base/atomic_file.h"
 #include "base/child_process.h"
 #include "base/error.h"
+#include "base/module_file.h"
 #include "compose/sequence_name.h"
 #include "farm/job_folder.h"
 #include "render/common/simd_level.h"
@@ -31,10 +32,11 @@ constexpr std::uintmax_t kProbeBytes = std::uintmax_t{1} << 20;
 
 /// Libraries that pixels and files depend on. Other libraries vary between runs of one build: the
 /// system loads some for user names, and textures may need more.
-constexpr std::array<std::string_view, 13> kLibraries{
-    "libOpenEXR", "libImath",     "libIlmThread", "libOpenColorIO", "libembree",
-    "libtbb.so",  "libturbojpeg", "libjpeg",      "libhwy",         "libpng",
-    "libassimp",  "libm.so",      "libc.so"};
+constexpr std::array<std::string_view, 16> kLibraries{
+    "libOpenEXR", "libImath",       "libIlmThread",      "libOpenColorIO",
+    "libembree",  "libtbb.so",      "libturbojpeg",      "libjpeg",
+    "libhwy",     "libpng",         "libassimp",         "libm.so",
+    "libc.so",    "libopencv_core", "libopencv_imgproc", "libopencv_video"};
 
 int add_library(dl_phdr_info* info, std::size_t /*size*/, void* names) {
   if (info->dlpi_name == nullptr || info->dlpi_name[0] != '/') return 0;
@@ -79,13 +81,16 @@ std::string build_id() {
   // Decoders are programs of their own. The library of that of meshes is listed with those of this
   // one, which has the other libraries that matter.
   (void)dlopen("libassimp.so.5", RTLD_LAZY | RTLD_LOCAL);
+  const fs::path motion = module_path("raystage-motion.so");  // which has OpenCV
+  (void)dlopen(motion.c_str(), RTLD_LAZY | RTLD_LOCAL);
   std::vector<std::string> libraries;
   dl_iterate_phdr(add_library, &libraries);
   std::ranges::sort(libraries);
   std::string text = fmt::format("{:016x}", hash_of_file(sibling_program("raystage-render")));
+  text += fmt::format(" {:016x}", hash_of_file(motion));
   for (const char* kind : {"exr", "image", "mesh", "png"}) {
-    text += fmt::format(" {:016x}", hash_of_file(sibling_program(fmt::format(
-                                        RAYSTAGE_MODULE_DIRECTORY "/raystage-decode-{}", kind))));
+    text +=
+        fmt::format(" {:016x}", hash_of_file(module_path(fmt::format("raystage-decode-{}", kind))));
   }
   for (const std::string& library : libraries) text += " " + library;
   return fmt::format("{:016x}", XXH3_64bits(text.data(), text.size()));

@@ -3,7 +3,6 @@
 // would inherit.
 #include "sandbox/decoder_child.h"
 
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <spawn.h>
 #include <sys/mman.h>
@@ -21,29 +20,13 @@
 #include <thread>
 #include <vector>
 
+#include "base/module_file.h"
 #include "sandbox/protocol.h"
 
 namespace raystage::sandbox {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Returns the program in lib/raystage: relative to the command, or to the library that other
-/// programs link (lib/libraystage.so, lib/ARCHITECTURE/libraystage.so).
-fs::path program_path(const std::string& name) {
-  std::error_code error;
-  const fs::path command = fs::read_symlink("/proc/self/exe", error).parent_path();
-  const fs::path expected = (command / RAYSTAGE_MODULE_DIRECTORY / name).lexically_normal();
-  if (fs::exists(expected, error)) return expected;
-  Dl_info info{};
-  if (::dladdr(reinterpret_cast<const void*>(&cannot_start), &info) == 0) return expected;
-  const fs::path library = fs::canonical(info.dli_fname, error).parent_path();
-  for (const fs::path folder : {"raystage", "../raystage", RAYSTAGE_MODULE_DIRECTORY}) {
-    const fs::path program = (library / folder / name).lexically_normal();
-    if (fs::exists(program, error)) return program;
-  }
-  return expected;
-}
 
 /// The environment may hold secrets, which are no business of a decoder: it gets what loading the
 /// program needs, and the options of sanitizers.
@@ -83,10 +66,10 @@ std::chrono::seconds longest_wait(const DecoderOptions& options) {
 }
 
 DecoderProcess::Child::Child(const DecoderOptions& options)
-    : Child(options, make_sockets(program_path(options.program))) {}
+    : Child(options, make_sockets(module_path(options.program))) {}
 
 DecoderProcess::Child::Child(const DecoderOptions& options, std::array<int, 2> sockets)
-    : program_(program_path(options.program)),
+    : program_(module_path(options.program)),
       socket_(sockets[0]),
       memory_(::memfd_create("raystage-decoded", MFD_CLOEXEC)) {
   FileDescriptor of_child(sockets[1]);

@@ -1,30 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compose/geometry/textures.h"
 
-#include <dlfcn.h>
-
 #include <utility>
 
 #include "base/error.h"
+#include "base/module_file.h"
 #include "images/image_session.h"
 
 namespace raystage::compose {
 namespace {
 
-/// Loads the module, which stays loaded because it owns its objects.
-OpenTextureLookup* load_module() {
-  std::error_code error;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const std::filesystem::path file =
-      (program.parent_path() / RAYSTAGE_MODULE_DIRECTORY / kTextureModule).lexically_normal();
-  void* const module = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-  void* const entry = module == nullptr ? nullptr : dlsym(module, kOpenTextureLookup);
-  if (entry == nullptr) {
-    const char* const why = dlerror();
-    throw Error::failed(std::string("textures cannot be read: ") + (why != nullptr ? why : ""),
-                        file.string(), "Reinstall raystage");
-  }
-  return reinterpret_cast<OpenTextureLookup*>(entry);
+OpenTextureLookup* load_texture_module() {
+  return reinterpret_cast<OpenTextureLookup*>(
+      load_module(kTextureModule, kOpenTextureLookup, "textures cannot be read"));
 }
 
 Error no_texture(const std::filesystem::path& file) {
@@ -72,7 +60,7 @@ void Textures::load_lookup(const std::function<void(images::ImageSession&)>& sta
   if (lookup_) return;
   session_ = std::make_unique<images::ImageSession>(image_bytes_);
   start(*session_);  // its process starts while the module is loaded
-  lookup_.reset(load_module()(*session_, cache_bytes_));
+  lookup_.reset(load_texture_module()(*session_, cache_bytes_));
 }
 
 }  // namespace raystage::compose

@@ -35,7 +35,7 @@ class Textures {
   const Eigen::Matrix3f& working_from_rec709() const { return working_from_rec709_; }
 
   /// Opens a texture. Throws Error (bad input) if the file is missing or no image, Error (failed)
-  /// if the module cannot be loaded from ../lib/raystage, relative to the executable.
+  /// if the module cannot be loaded from lib/raystage.
   Handle open(const std::filesystem::path& file);
   /// Opens a texture that a mesh file names. Throws Error (bad input) also if it is outside of the
   /// folder, or behind a link unless these are permitted.

@@ -36,5 +36,27 @@ INSTANTIATE_TEST_SUITE_P(Commands, LibrariesLoadedBy,
                          ::testing::Values("record", "join", "info", "verify", "repair", "pack",
                                            "unpack", "bag"));
 
+class LibrariesOfFrameReadersLoadedBy : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(LibrariesOfFrameReadersLoadedBy, NoneForMotionTexturesOrMeshes) {
+  const CommandResult loaded =
+      run("ldd '" + testing::commands_folder().string() + "/raystage-" + GetParam() + "'");
+  ASSERT_EQ(loaded.exit_code, 0) << loaded.err;
+  for (const char* library : {"libOpenImageIO", "libopencv", "libassimp"}) {
+    EXPECT_THAT(loaded.out, Not(HasSubstr(library)));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Commands, LibrariesOfFrameReadersLoadedBy,
+                         ::testing::Values("render", "prepare", "proxy", "sync", "farm"));
+
+TEST(LibrariesLoadedByRaystage, AreThoseOfCAlone) {
+  const CommandResult loaded = run("ldd '" + testing::commands_folder().string() + "/raystage'");
+  ASSERT_EQ(loaded.exit_code, 0) << loaded.err;
+  EXPECT_THAT(loaded.out, HasSubstr("libc.so"));
+  EXPECT_THAT(loaded.out, Not(HasSubstr("libstdc++")));
+  EXPECT_THAT(loaded.out, Not(HasSubstr("libhwy")));
+}
+
 }  // namespace
 }  // namespace raystage

@@ -28,13 +28,12 @@ struct FlowVector {
 /// The displacement of each pixel of one frame to its position in another.
 using FlowField = Image<FlowVector>;
 
-/// Applies a 5 x 5 median filter to x and y in place, which removes outliers. Source: Sun, Roth and
-/// Black, "Secrets of optical flow estimation and their principles", CVPR 2010.
-void median_filter_flow(FlowField& field);
+class FlowAlgorithm;
 
 /// Estimates dense optical flow (OpenCV's DIS: Kroeger et al., "Fast optical flow using dense
 /// inverse search", ECCV 2016), followed by a median filter. Keeps scratch memory; not thread-safe.
-/// Deterministic if OpenCV uses one thread (use_one_opencv_thread()).
+/// Deterministic if OpenCV uses one thread (use_one_opencv_thread()). The first estimate loads
+/// OpenCV (motion_module.h).
 class OpticalFlowEstimator {
  public:
   OpticalFlowEstimator();
@@ -47,8 +46,7 @@ class OpticalFlowEstimator {
   FlowField estimate(const Luma& from, const Luma& to);
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  std::unique_ptr<FlowAlgorithm> algorithm_;  // from the first estimate on
 };
 
 /// Restricts OpenCV to one thread in the whole process: the result of DIS depends on their number.

@@ -114,3 +114,13 @@ function(raystage_decoder NAME)
   target_link_libraries(raystage_${NAME} PRIVATE raystage_compiler raystage_decoder_main ${DECODER_LINKS})
   install(TARGETS raystage_${NAME} RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}/${RAYSTAGE_MODULE_DIRECTORY}")
 endfunction()
+
+# raystage_loaded_module(NAME OUTPUT SOURCES ... LINKS ...): a module of lib/raystage, OUTPUT.so, that is loaded at run time.
+function(raystage_loaded_module NAME OUTPUT)
+  cmake_parse_arguments(MODULE "" "" "SOURCES;LINKS" ${ARGN})
+  add_library(${NAME} MODULE ${MODULE_SOURCES})
+  set_target_properties(${NAME} PROPERTIES PREFIX "" OUTPUT_NAME "${OUTPUT}" NO_SONAME ON
+    LIBRARY_OUTPUT_DIRECTORY "${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/${RAYSTAGE_MODULE_DIRECTORY}")
+  target_link_libraries(${NAME} PRIVATE raystage_compiler ${MODULE_LINKS})
+  install(TARGETS ${NAME} LIBRARY DESTINATION "${CMAKE_INSTALL_BINDIR}/${RAYSTAGE_MODULE_DIRECTORY}")
+endfunction()
